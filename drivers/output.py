@@ -1,0 +1,71 @@
+"""The folder of a run: files that are all there or not there at all."""
+
+from __future__ import annotations
+
+import csv
+import json
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from meshes.checked import ModelError
+
+
+def writable_folder(path: Path) -> None:
+    """Make the folder and see that it can be written. Raises `ModelError` if not."""
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=path):
+            pass
+    except OSError as error:
+        raise ModelError("--out", f"cannot write into {path}: {error.strerror}; name another folder or mend its permissions") from None
+
+
+@contextmanager
+def all_or_nothing(folder: Path) -> Iterator[Path]:
+    """Give a hidden folder to write into; its files move into `folder` together when the block ends without an error."""
+    staging = Path(tempfile.mkdtemp(prefix=".writing-", dir=folder))
+    try:
+        yield staging
+        for path in sorted(staging.iterdir()):
+            path.replace(folder / path.name)
+    finally:
+        shutil.rmtree(staging, ignore_errors=True)
+
+
+def write_history(path: Path, times: np.ndarray, names: tuple[str, ...], values: np.ndarray) -> None:
+    """Write t in s and one column for each name; numbers with all digits of a double."""
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(["t", *names])
+        for t, row in zip(times, values, strict=True):
+            writer.writerow([repr(round(float(t), 12)), *(repr(float(v)) for v in row)])
+
+
+def write_summary(path: Path, summary: dict[str, Any]) -> None:
+    """Write the summary as JSON."""
+    path.write_text(json.dumps(summary, indent=2, ensure_ascii=False, default=str) + "\n", encoding="utf-8")
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of what computed the run."""
+    import platform
+
+    import dolfinx
+    import numpy
+    import scipy
+    from petsc4py import PETSc
+
+    return {
+        "python": platform.python_version(),
+        "dolfinx": str(dolfinx.__version__),
+        "petsc": ".".join(str(n) for n in PETSc.Sys.getVersion()),
+        "petsc scalars": "complex" if issubclass(PETSc.ScalarType, complex) else "real",
+        "numpy": numpy.__version__,
+        "scipy": scipy.__version__,
+    }

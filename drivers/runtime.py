@@ -1,0 +1,104 @@
+"""The process around a run: real or complex PETSc, ranks, log and exit codes."""
+
+from __future__ import annotations
+
+import logging
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Literal
+
+from meshes.checked import ModelError
+
+Scalars = Literal["real", "complex"]
+
+PETSC = Path("/usr/lib/petscdir")
+SLEPC = Path("/usr/lib/slepcdir")
+"""Where Debian installs the real and the complex build side by side."""
+
+
+def choose_scalars(scalars: Scalars) -> None:
+    """Continue in a process whose PETSc has `scalars`; to be called before PETSc is imported.
+
+    The build is chosen by the environment of the process at its start, so where it is the other one the process
+    replaces itself. Outside Debian's layout nothing is done, and `require_scalars` speaks up.
+    """
+    petsc, slepc = PETSC / f"petsc-{scalars}", SLEPC / f"slepc-{scalars}"
+    wanted = {"PETSC_DIR": str(petsc), "SLEPC_DIR": str(slepc)}
+    if not (petsc.exists() and slepc.exists()) or all(os.environ.get(k) == v for k, v in wanted.items()):
+        return
+    if scalars == "real" and not any(k in os.environ for k in wanted):
+        return  # the default build
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os.execve(sys.executable, [sys.executable, *sys.orig_argv[1:]], {**os.environ, **wanted})
+
+
+def require_scalars(scalars: Scalars) -> None:
+    """Raise `RuntimeError` if this process has the other PETSc."""
+    from petsc4py import PETSc
+
+    here = "complex" if issubclass(PETSc.ScalarType, complex) else "real"
+    if here != scalars:
+        raise RuntimeError(f"this method needs the {scalars} build of PETSc, and this process has the {here} one; set PETSC_DIR")
+
+
+def launch_rank() -> int:
+    """Return this process's rank as the MPI launcher gave it, before MPI is initialised (0 without a launcher)."""
+    for name in ("OMPI_COMM_WORLD_RANK", "PMI_RANK", "PMIX_RANK", "SLURM_PROCID"):
+        if os.environ.get(name, "").isdigit():
+            return int(os.environ[name])
+    return 0
+
+
+def configure_log(*, quiet: bool) -> None:
+    """Send the log of the four packages to standard error, on rank 0 only."""
+    handler: logging.Handler = logging.StreamHandler(sys.stderr) if launch_rank() == 0 else logging.NullHandler()
+    handler.setFormatter(logging.Formatter("%(message)s"))
+    for package in ("meshes", "forms", "solvers", "drivers"):
+        logger = logging.getLogger(package)
+        logger.handlers = [handler]
+        logger.propagate = False
+        logger.setLevel(logging.WARNING if quiet else logging.INFO)
+
+
+@contextmanager
+def parallel() -> Iterator[Any]:
+    """Give the world communicator; an error that only some ranks meet ends all of them, with one message."""
+    from mpi4py import MPI
+
+    comm = MPI.COMM_WORLD
+    try:
+        yield comm
+    except ModelError:
+        raise  # found by all ranks together
+    except BaseException as error:
+        if comm.size == 1:
+            raise
+        if not isinstance(error, KeyboardInterrupt):
+            print(f"uplift: rank {comm.rank}: {type(error).__name__}: {error}", file=sys.stderr, flush=True)
+        comm.Abort(1)
+
+
+def form_compiler() -> Any:
+    """Return the function that compiles forms, in the user's cache or, where that cannot be written, in a temporary folder."""
+    import tempfile
+
+    from meshes.releases import compile_form
+
+    def compile_anywhere(form: Any) -> Any:
+        try:
+            return compile_form(form)
+        except OSError:
+            # A form that is not in a read-only cache: compile it for this process alone.
+            return compile_form(form, tempfile.mkdtemp(prefix="uplift-forms-"))
+
+    return compile_anywhere
+
+
+def say(text: str) -> None:
+    """Print to standard output on rank 0."""
+    if launch_rank() == 0:
+        print(text, flush=True)

@@ -1,0 +1,1 @@
+"""Mechanics: variational forms of the plate, springs and joints, loads and the law of uplift."""

@@ -1,0 +1,96 @@
+"""Springs to the ground and joints of two springs in series, as extra entries and extra rows of the matrices.
+
+A joint stands between the ground and a plate node: a support spring (stiffness k_s) from the ground to an auxiliary
+node, a point mass m on that node, and a contact spring (k_c) from there to the plate. Contact springs are so stiff
+(1e15 N/m) that a force taken from the difference of two displacements would keep half of its digits. The extra dof of
+a joint is therefore the elongation of the stiffer of its two springs, an exact change of variables: no entry of
+the matrices is then a difference of two large ones, and the contact force k_c * elongation has all its digits.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from meshes.checked import Checked, ModelError, quantity
+
+AXES = ("X", "Y")
+
+
+@dataclass(frozen=True)
+class Spring(Checked):
+    """Springs between plate nodes and the ground."""
+
+    name: str = quantity("name of the group of springs")
+    points: tuple[tuple[float, float], ...] = quantity("plate nodes", "m")
+    stiffness: tuple[float, float] = quantity("stiffness of each spring along X and Y", "N/m")
+
+    def check(self) -> None:
+        """Stiffnesses are finite and not negative."""
+        _check_stiffness("stiffness", self.stiffness)
+
+
+@dataclass(frozen=True)
+class Support(Checked):
+    """Joints under plate nodes: support spring, point mass and contact spring in series."""
+
+    name: str = quantity("name of the group of supports")
+    points: tuple[tuple[float, float], ...] = quantity("plate nodes above the supports", "m")
+    stiffness: tuple[float, float] = quantity("support spring, ground to auxiliary node, along X and Y", "N/m")
+    contact: tuple[float, float] = quantity("contact spring, auxiliary node to plate, along X and Y", "N/m")
+    mass: float = quantity("point mass of the auxiliary node", "kg", default=0.0, at_least=0.0)
+    unilateral: str = quantity(
+        "direction in which the contact pushes the plate and cannot pull it; empty: a bonded contact",
+        default="Y",
+        one_of=("X", "-X", "Y", "-Y", ""),
+    )
+
+    def check(self) -> None:
+        """Stiffnesses are finite and not negative, and a unilateral contact has a stiffness to push with."""
+        _check_stiffness("stiffness", self.stiffness)
+        _check_stiffness("contact", self.contact)
+        if self.unilateral and not self.contact[self.axis] > 0:
+            raise ModelError(f"contact.{AXES[self.axis]}", "expected > 0 N/m where the contact is unilateral")
+
+    @property
+    def axis(self) -> int:
+        """Component (0 or 1) of the unilateral direction."""
+        return AXES.index(self.unilateral[-1])
+
+    @property
+    def sign(self) -> float:
+        """+1 or -1: sense of the unilateral direction along its axis."""
+        return -1.0 if self.unilateral.startswith("-") else 1.0
+
+
+def _check_stiffness(key: str, values: tuple[float, float]) -> None:
+    for axis, value in zip(AXES, values, strict=True):
+        if not (np.isfinite(value) and value >= 0):
+            raise ModelError(f"{key}.{axis}", f"expected >= 0 N/m, got {value!r}")
+
+
+@dataclass(frozen=True)
+class JointTerm:
+    """One component of a joint in the unknowns (q, r): q the plate's displacement, r the joint's own dof."""
+
+    stiffness: np.ndarray
+    """(2, 2) N/m."""
+    mass: np.ndarray
+    """(2, 2) kg."""
+    load: np.ndarray
+    """(2,): generalised force of a unit force on the auxiliary node."""
+    elongation: np.ndarray
+    """(2,): elongation of the contact spring, plate minus auxiliary node, along the axis."""
+
+
+def joint_term(support_stiffness: float, contact_stiffness: float, mass: float) -> JointTerm:
+    """Return one component of a joint; the auxiliary node is at q - r if the contact is the stiffer spring, else at r."""
+    node = np.array([1.0, -1.0]) if contact_stiffness >= support_stiffness else np.array([0.0, 1.0])
+    elongation = np.array([1.0, 0.0]) - node
+    return JointTerm(
+        stiffness=support_stiffness * np.outer(node, node) + contact_stiffness * np.outer(elongation, elongation),
+        mass=mass * np.outer(node, node),
+        load=node,
+        elongation=elongation,
+    )

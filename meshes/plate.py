@@ -1,0 +1,69 @@
+"""The rectangular plate of SDLS119 as a structured gmsh mesh with named groups."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+from meshes.checked import Checked, quantity
+
+EDGES = ("DBAS", "DDRO", "DHAU", "DGAU")
+"""Bottom, right, top and left edge, in the order of the boundary."""
+
+
+@dataclass(frozen=True)
+class Plate(Checked):
+    """A plate of width x height in the plane XY, its corner P1 at the origin, Y upwards."""
+
+    width: float = quantity("extent along X", "m", above=0.0)
+    height: float = quantity("extent along Y", "m", above=0.0)
+    nx: int = quantity("cells along X", at_least=1)
+    ny: int = quantity("cells along Y", at_least=1)
+    cell: str = quantity("shape of the cells", default="quadrilateral", one_of=("quadrilateral", "triangle"))
+    degree: int = quantity(
+        "polynomial degree of displacement and geometry", default=1, at_least=1, at_most=2
+    )
+
+    @property
+    def corners(self) -> dict[str, tuple[float, float]]:
+        """Coordinates in m of P1 (origin), P2, P3 and P4, counter-clockwise."""
+        w, h = self.width, self.height
+        return {"P1": (0.0, 0.0), "P2": (w, 0.0), "P3": (w, h), "P4": (0.0, h)}
+
+
+@contextmanager
+def gmsh_model(plate: Plate) -> Iterator[Any]:
+    """Give the gmsh model of the meshed plate (call on one rank only); gmsh is closed on leaving.
+
+    Groups: surface DAL1, edges DBAS (y = 0), DDRO (x = width), DHAU (y = height), DGAU (x = 0), points P1 to P4.
+    """
+    import gmsh  # loaded on the meshing rank only: the library takes most of a second
+
+    gmsh.initialize([], False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        model = gmsh.model
+        model.add("plate")
+        corners = {name: model.geo.addPoint(x, y, 0.0) for name, (x, y) in plate.corners.items()}
+        tags = list(corners.values())
+        edges = {name: model.geo.addLine(tags[i], tags[(i + 1) % 4]) for i, name in enumerate(EDGES)}
+        surface = model.geo.addPlaneSurface([model.geo.addCurveLoop(list(edges.values()))])
+        for name, tag in edges.items():
+            cells = plate.nx if name in ("DBAS", "DHAU") else plate.ny
+            model.geo.mesh.setTransfiniteCurve(tag, cells + 1)
+        model.geo.mesh.setTransfiniteSurface(surface, cornerTags=tags)
+        if plate.cell == "quadrilateral":
+            model.geo.mesh.setRecombine(2, surface)
+        model.geo.synchronize()
+        groups = [(2, "DAL1", surface), *((1, n, t) for n, t in edges.items()), *((0, n, t) for n, t in corners.items())]
+        for number, (dimension, name, tag) in enumerate(groups, start=1):
+            model.addPhysicalGroup(dimension, [tag], number)
+            model.setPhysicalName(dimension, number, name)
+        model.mesh.generate(2)
+        if plate.degree > 1:
+            model.mesh.setOrder(plate.degree)
+        yield model
+    finally:
+        gmsh.finalize()

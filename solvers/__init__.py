@@ -1,0 +1,1 @@
+"""Solution methods: from the operators of a model to histories in time."""
