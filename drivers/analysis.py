@@ -92,7 +92,7 @@ def prepare(scene: Scene, comm: Any) -> Plant:
     with clock.phase("mesh"):
         tagged = build_plate(comm, scene.plate)
     with clock.phase("forms and compilation"):
-        compiled = compile_plate(tagged, scene.plate.degree, scene.model.material, form_compiler())
+        compiled = compile_plate(tagged, scene.plate.degree, scene.model.material, form_compiler(comm))
     with clock.phase("assembly"):
         assembled = assemble_plate(compiled, scene.model)
     return Plant(scene, tagged, assembled, clock)

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import atexit
 import logging
 import os
+import shutil
 import sys
-from collections.abc import Iterator
+import tempfile
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Literal
@@ -82,18 +85,26 @@ def parallel() -> Iterator[Any]:
         comm.Abort(1)
 
 
-def form_compiler() -> Any:
-    """Return the function that compiles forms, in the user's cache or, where that cannot be written, in a temporary folder."""
-    import tempfile
+def form_compiler(comm: Any) -> Callable[[Any], Any]:
+    """Return the function that compiles forms on the ranks of `comm`, in the user's form cache.
 
+    Where the cache can be read but not written, a form that is not in it is compiled in a temporary folder.
+    """
     from meshes.releases import compile_form
 
     def compile_anywhere(form: Any) -> Any:
+        level = logging.root.manager.disable
+        logging.disable(logging.INFO)  # the C compiler's command lines are nobody's business
         try:
             return compile_form(form)
-        except OSError:
-            # A form that is not in a read-only cache: compile it for this process alone.
-            return compile_form(form, tempfile.mkdtemp(prefix="uplift-forms-"))
+        except (OSError, RuntimeError):
+            folder = tempfile.mkdtemp(prefix="uplift-forms-") if comm.rank == 0 else None
+            folder = comm.bcast(folder, root=0)
+            if comm.rank == 0:
+                atexit.register(shutil.rmtree, folder, ignore_errors=True)
+            return compile_form(form, folder)
+        finally:
+            logging.disable(level)
 
     return compile_anywhere
 

@@ -47,9 +47,9 @@ def interpolation(space: Any, point: np.ndarray, what: str) -> tuple[np.ndarray,
     if owner == comm.size:
         raise ModelError("", f"{what} at ({point[0]:g}, {point[1]:g}) m lies outside the plate")
     found = None
+    shape = dolfinx.fem.Function(space)  # collective
     if owner == comm.rank:
         nodes = np.asarray(space.dofmap.cell_dofs(cell), dtype=np.int32)
-        shape = dolfinx.fem.Function(space)
         weights = np.zeros(len(nodes))
         for i, node in enumerate(nodes):
             shape.x.array[:] = 0.0

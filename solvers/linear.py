@@ -44,6 +44,8 @@ class DirectSolver:
         small = matrix.comm.size == 1 and matrix.getSize()[0] <= SMALL
         if small:
             pc.setType("cholesky" if definite else "lu")
+            # PETSc compares pivots with an absolute number, which means nothing in another system of units.
+            pc.setFactorPivot(zeropivot=1e-290)
         else:
             pc.setType("cholesky")  # L D L^T of the symmetric matrix, half the work of LU
             pc.setFactorSolverType("mumps")

@@ -1,0 +1,50 @@
+"""One plain pytest run tests the real build on one rank; `test_builds.py` starts the others as children of it."""
+
+import gc
+from pathlib import Path
+
+import pytest
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from drivers.scene import read_scene
+
+COMPLEX = issubclass(PETSc.ScalarType, complex)
+SCENES = Path(__file__).parents[1] / "drivers" / "scenes"
+
+
+def pytest_collection_modifyitems(config, items):
+    def fits(item):
+        if COMPLEX != (item.get_closest_marker("complex") is not None) and not item.get_closest_marker("both"):
+            return False
+        return not (MPI.COMM_WORLD.size > 1 and item.get_closest_marker("serial"))
+
+    kept = [item for item in items if fits(item)]
+    config.hook.pytest_deselected(items=[item for item in items if not fits(item)])
+    items[:] = kept
+
+
+@pytest.fixture(autouse=True)
+def _collect_together():
+    """PETSc objects are destroyed collectively: all ranks collect garbage at the same place."""
+    yield
+    gc.collect()
+    MPI.COMM_WORLD.barrier()
+
+
+@pytest.fixture
+def comm():
+    return MPI.COMM_WORLD
+
+
+@pytest.fixture
+def sdls119a():
+    return read_scene(SCENES / "sdls119a.toml")
+
+
+@pytest.fixture
+def plant(sdls119a, comm):
+    from drivers.analysis import prepare
+
+    with prepare(sdls119a, comm) as prepared:
+        yield prepared

@@ -1,0 +1,101 @@
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from drivers.scene import read_scene, required_section
+from meshes.checked import ModelError
+
+SCENE = Path(__file__).parents[2] / "drivers" / "scenes" / "sdls119a.toml"
+
+
+def edited(tmp_path, old, new):
+    text = SCENE.read_text(encoding="utf-8")
+    assert old in text
+    path = tmp_path / "scène avec espace.toml"
+    path.write_text(text.replace(old, new, 1), encoding="utf-8")
+    return path
+
+
+def test_reference_scene_is_read():
+    scene = read_scene(SCENE)
+    assert scene.model.supports[0].points == tuple((float(x), 0.0) for x in range(5))
+    assert scene.model.springs[0].points == ((4.0, 8.0), (0.0, 8.0))
+    assert scene.transient.steps == 1000
+    assert scene.fourier.frequencies[[0, -1]].tolist() == [0.0, 25.0]
+    assert len(scene.fourier.frequencies) == 513
+    signal = scene.model.motions[0].signal
+    assert np.min(signal(np.linspace(0, 5, 1001))) == pytest.approx(-2.240844, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "key", "words"),
+    [
+        ("thickness = 1.0", "thickness = -1.0", "plate.thickness", "expected > 0 m, got -1.0"),
+        ("poisson = 0.3", "poisson = 0.5", "plate.poisson", "< 0.5"),
+        ("young = 1.4e8", "young = inf", "plate.young", "expected > 0 Pa"),
+        ("young = 1.4e8", "young = nan", "plate.young", "expected > 0 Pa"),
+        ("young = 1.4e8", 'young = "stiff"', "plate.young", "expected a number, got 'stiff'"),
+        ("young = 1.4e8", "yuong = 1.4e8", "plate.young", "missing; expected a number .*did you mean 'young'"),
+        ("thickness = 1.0", "thickness = 1.0\ncolour = 3", "plate.colour", "unknown key"),
+        ("step = 0.005", "step = 0.0", "transient.step", "expected > 0 s"),
+        ("duration = 5.0", "duration = 5.001", "transient.duration", "multiple of the step"),
+        ("every = 2", "every = 3", "transient.every", "divisor of the 1000 steps"),
+        ('start = "settled"', 'start = "moving"', "transient.start", "static, settled, rest"),
+        ("beta = 1.0\ngamma", "beta = 0.1\ngamma", "transient.settling.beta", "unconditional stability"),
+        ('point = "P3"', 'point = "P5"', "probes[P3].point", "P1, P2, P3, P4"),
+        ('point = "P3"', "point = [4.1, 8.0]", "probes[P3].point", "outside the plate"),
+        ('point = "P3"', "point = [1.0]", "probes[P3].point", r"a point \[x, y\]"),
+        ('edge = "DBAS"', 'edge = "BOTTOM"', "supports[RESS].edge", "DBAS, DDRO, DHAU, DGAU"),
+        ("count = 5", "count = 1", "supports[RESS].count", "at least 2"),
+        ("contact = { X = 1e15, Y = 1e15 }", "contact = { X = 1e15 }", "supports[RESS].contact.Y", "unilateral"),
+        ("stiffness = { Y = 1.0 }", "stiffness = { Z = 1.0 }", "springs[RESH].stiffness.Z", "unknown key"),
+        ("nx = 4", "nx = 4.5", "mesh.nx", "a whole number"),
+        ("nx = 4", "nx = true", "mesh.nx", "a whole number"),
+        ("nx = 4", "nx = 0", "mesh.nx", "expected >= 1"),
+        ("amplitude = 2.24", 'sound = 1\namplitude = 2.24', "load.sound", "unknown key"),
+        ('signal = "ricker"', 'signal = "rikcer"', "load.signal", "ricker, csv"),
+        ("samples = 2048", "samples = 2047", "fourier.samples", "even"),
+        ("cutoff = 25.0", "cutoff = 60.0", "fourier.cutoff", "expected <= 50 Hz"),
+        ("[gravity]", "[gravitation]", "gravitation", "did you mean 'gravity'"),
+        ("acceleration = 9.81", "acceleration = inf", "gravity.acceleration", "finite"),
+        ("[plate]", "[plate", "", "not valid TOML"),
+        ("table_step = 0.01", "table_step = 1e-12", "load.table_step", "at most 1e7 steps"),
+        ("digits = 7", "digits = 0", "load.table_digits", ">= 1 and <= 17"),
+    ],
+)
+def test_mistake_is_named_by_key(tmp_path, old, new, key, words):
+    with pytest.raises(ModelError, match=words) as error:
+        read_scene(edited(tmp_path, old, new))
+    assert error.value.key == key
+
+
+def test_accelerogram_beside_the_scene(tmp_path):
+    start, end = SCENE.read_text(encoding="utf-8").split("[load]")[0], "[[supports]]" + SCENE.read_text(encoding="utf-8").split("[[supports]]")[1]
+    path = tmp_path / "scene.toml"
+    path.write_text(start + '[load]\ndirection = "Y"\nsignal = "csv"\nfile = "record.csv"\nscale = 2.0\n' + end, encoding="utf-8")
+    with pytest.raises(ModelError, match="cannot read .*record.csv") as error:
+        read_scene(path)
+    assert error.value.key == "load.file"
+    (tmp_path / "record.csv").write_text("0,0\n1,3\n2,0\n", encoding="utf-8")
+    motion = read_scene(path).model.motions[0]
+    assert motion.direction == (0.0, 1.0)
+    assert motion.signal(np.array([1.0, 1.5])) == pytest.approx([6.0, 3.0])
+
+
+def test_missing_file_and_missing_section(tmp_path):
+    with pytest.raises(ModelError, match="cannot be read: No such file"):
+        read_scene(tmp_path / "none.toml")
+    with pytest.raises(ModelError, match="UTF-8"):
+        (tmp_path / "latin.toml").write_bytes(b'title = "\xe9"')
+        read_scene(tmp_path / "latin.toml")
+    with pytest.raises(ModelError) as error:
+        required_section(replace(read_scene(SCENE), fourier=None), "time-frequency")
+    assert error.value.key == "fourier"
+
+
+def test_same_name_twice_is_refused(tmp_path):
+    path = edited(tmp_path, "[transient]", '[[probes]]\nname = "P3"\npoint = "P4"\n\n[transient]')
+    with pytest.raises(ModelError, match="'P3' is there twice"):
+        read_scene(path)

@@ -1,0 +1,51 @@
+import numpy as np
+import pytest
+
+from forms.supports import Spring, Support, joint_term
+from forms.uplift import CompressionOnly
+from meshes.checked import ModelError
+
+
+@pytest.mark.parametrize(("support", "contact"), [(1e8, 1e15), (1e15, 1e8), (3.0, 3.0), (0.0, 5.0), (5.0, 0.0)])
+def test_joint_is_the_plain_series_of_two_springs_in_other_unknowns(support, contact):
+    term = joint_term(support, contact, 0.7)
+    # Plain unknowns: plate displacement q and auxiliary node b; the joint's own dof r gives b = node . (q, r).
+    to_plain = np.array([[1.0, 0.0], term.load])
+    plain = np.array([[contact, -contact], [-contact, contact + support]])
+    scale = contact + support
+    assert np.max(np.abs(to_plain.T @ plain @ to_plain - term.stiffness)) < 1e-15 * scale
+    assert np.allclose(to_plain.T @ np.diag([0.0, 0.7]) @ to_plain, term.mass, atol=1e-16)
+    assert np.allclose(term.elongation, np.array([1.0, -1.0]) @ to_plain)
+    assert np.linalg.eigvalsh(term.stiffness).min() > -1e-15 * scale
+
+
+@pytest.mark.parametrize("penalty", [1e12, 1e15, 1e18])
+def test_contact_force_keeps_its_digits_beside_any_penalty(penalty):
+    """The tension under a unit displacement of the plate is that of the series stiffness, to the last digits."""
+    term = joint_term(1e8, penalty, 0.0)
+    r = -term.stiffness[1, 0] / term.stiffness[1, 1]
+    tension = penalty * (term.elongation @ [1.0, r])
+    assert tension == pytest.approx(1 / (1 / 1e8 + 1 / penalty), rel=4e-16)
+
+
+def test_release_force_is_the_tension_and_never_a_push():
+    law = CompressionOnly(np.array([2.0, 3.0]))
+    elongation = np.array([[1.0, -1.0], [0.0, 2.0]])
+    assert np.array_equal(law.release(elongation), [[2.0, 0.0], [0.0, 6.0]])
+    assert np.array_equal(law.tension(elongation), [[2.0, -3.0], [0.0, 6.0]])
+
+
+@pytest.mark.parametrize(
+    ("make", "key"),
+    [
+        (lambda: Spring("S", ((0.0, 0.0),), (-1.0, 0.0)), "stiffness.X"),
+        (lambda: Support("S", ((0.0, 0.0),), (1.0, float("nan")), (1.0, 1.0)), "stiffness.Y"),
+        (lambda: Support("S", ((0.0, 0.0),), (1.0, 1.0), (1.0, 0.0)), "contact.Y"),
+        (lambda: Support("S", ((0.0, 0.0),), (1.0, 1.0), (1.0, 1.0), mass=-1.0), "mass"),
+        (lambda: Support("S", ((0.0, 0.0),), (1.0, 1.0), (1.0, 1.0), unilateral="Z"), "unilateral"),
+    ],
+)
+def test_impossible_supports_are_refused_by_key(make, key):
+    with pytest.raises(ModelError) as error:
+        make()
+    assert error.value.key == key

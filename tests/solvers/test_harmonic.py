@@ -1,0 +1,60 @@
+import numpy as np
+import pytest
+
+from forms.signals import Constant, Ricker
+from solvers.harmonic import FourierResponse, sweep
+from solvers.newmark import Newmark, at_rest, transient
+from solvers.parameters import Scheme, Window
+from tests import oscillator
+from tests.small import contact_on, dense_operators
+
+pytestmark = [pytest.mark.serial, pytest.mark.complex]
+
+
+def operators_with(history, **options):
+    return dense_operators(oscillator.STIFFNESS, oscillator.MASS, oscillator.DAMPING, [(oscillator.FORCE, history, False)], **options)
+
+
+def test_sweep_equals_the_closed_form():
+    omega = np.linspace(0, 20, 41)
+    with operators_with(Constant(1.0)) as operators:
+        transfer = sweep(operators, omega)
+    exact = np.array([oscillator.frequency_response(w) for w in omega])
+    assert np.max(np.abs(transfer.probes[:, :, 0] - exact)) < 1e-13 * np.max(np.abs(exact))
+    assert transfer.fields[:, 0, :] == pytest.approx(transfer.probes[:, :, 0])
+
+
+def test_unit_release_forces_are_the_columns_after_the_loads():
+    omega = np.array([0.0, 3.0])
+    with operators_with(Constant(1.0), contacts=contact_on(1, 7.0, 2)) as operators:
+        transfer = sweep(operators, omega)
+    for i, w in enumerate(omega):
+        dynamic = oscillator.STIFFNESS - w**2 * oscillator.MASS + 1j * w * oscillator.DAMPING
+        assert transfer.probes[i, :, 1] == pytest.approx(np.linalg.solve(dynamic, [0.0, 1.0]), rel=1e-13)
+        assert transfer.elongation[i, 0, 1] == pytest.approx(transfer.probes[i, 1, 1])
+
+
+def test_band_limited_response_equals_small_time_steps():
+    """A pulse that dies out within the window, in a band that holds it: time stepping converges to it."""
+    pulse = Ricker(1.0, 0.7, 3.0)
+    window = Window(160.0, 8192, 8.0)
+    errors = []
+    with operators_with(pulse) as operators:
+        history = FourierResponse(operators, window, sweep(operators, 2 * np.pi * window.frequencies)).history(None)
+        for per_sample in (8, 16):
+            step = window.length / window.samples / per_sample
+            with Newmark(operators, Scheme(), step) as method, at_rest(operators) as start:
+                stepped = transient(method, start, per_sample * 1024, every=per_sample)
+            errors.append(np.max(np.abs(history.probes[:1025] - stepped.probes)) / np.max(np.abs(stepped.probes)))
+    # What separates them is the second-order error of time stepping alone.
+    assert errors[1] < 1e-4
+    assert 3.9 < errors[0] / errors[1] < 4.1
+    assert history.peak_field == pytest.approx(history.probes[history.peak], abs=1e-12)
+
+
+def test_static_load_answers_statically():
+    window = Window(10.0, 64, 2.0)
+    with operators_with(Constant(1.0)) as operators:
+        history = FourierResponse(operators, window, sweep(operators, 2 * np.pi * window.frequencies)).history(None)
+    static = np.linalg.solve(oscillator.STIFFNESS, oscillator.FORCE)
+    assert history.probes == pytest.approx(np.tile(static, (64, 1)), rel=1e-12)

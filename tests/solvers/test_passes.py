@@ -1,0 +1,43 @@
+import numpy as np
+import pytest
+
+from forms.uplift import CompressionOnly
+from solvers.history import History
+from solvers.passes import published_passes
+
+LAW = CompressionOnly(np.array([4.0]))
+
+
+def one_contact(compliance):
+    """A massless contact that is pulled by 1 N in the second instant and pushed in the first."""
+
+    def solve(release):
+        elongation = np.array([[-0.5], [0.25]])
+        if release is not None:
+            elongation = elongation + compliance * release
+        return History(np.array([0.0, 1.0]), elongation.copy(), elongation)
+
+    return solve
+
+
+def test_passes_contract_to_the_free_contact():
+    """With compliance c the release force grows as 1 + 4 c + (4 c)^2 ..., whose limit carries no tension."""
+    passes = published_passes(one_contact(0.1), LAW, 60)
+    force = LAW.release(passes.histories[-1].elongation)[1, 0]
+    assert force == pytest.approx(1 / (1 - 0.4), rel=1e-12)
+    assert passes.pull[0] == pytest.approx(0.5)
+    assert passes.pull[-1] < 1e-12
+    assert passes.change[0] == pytest.approx(0.1 / 0.5)
+    assert len(passes.change) == 59
+
+
+def test_first_pass_is_the_linear_answer():
+    passes = published_passes(one_contact(0.1), LAW, 1)
+    assert len(passes.histories) == 1
+    assert passes.change == []
+    assert passes.histories[0].elongation[1, 0] == 0.25
+
+
+def test_a_change_that_vanishes_does_not_hide_the_tension():
+    """A contact of no compliance never moves: the change is nil from pass 2, and the law's residual still tells."""
+    assert published_passes(one_contact(0.0), LAW, 1).pull == [0.5]

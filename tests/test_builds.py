@@ -1,0 +1,28 @@
+"""The same tests with the complex build of PETSc and on several ranks, as children of this run."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from drivers.runtime import PETSC, SLEPC
+
+ROOT = Path(__file__).parents[1]
+COMPLEX = {"PETSC_DIR": str(PETSC / "petsc-complex"), "SLEPC_DIR": str(SLEPC / "slepc-complex")}
+AS_ROOT = {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1", "OMP_NUM_THREADS": "1"}
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(("scalars", "ranks"), [("complex", 1), ("real", 2), ("real", 3), ("complex", 2)])
+def test_other_builds(scalars, ranks, tmp_path):
+    launcher = [] if ranks == 1 else [shutil.which("mpirun"), "--oversubscribe", "-n", str(ranks)]
+    command = [*launcher, sys.executable, "-m", "mpi4py", "-m", "pytest", "-q", "-x", "--color=no", f"--basetemp={tmp_path / 'child'}",
+               "-p", "no:cacheprovider", str(ROOT / "tests")]
+    environment = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_COMM", "PMIX"))} | AS_ROOT
+    environment |= COMPLEX if scalars == "complex" else {}
+    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=600)
+    assert done.returncode == 0, done.stdout[-6000:] + done.stderr[-3000:]
+    assert " passed" in done.stdout
