@@ -275,6 +275,9 @@ def _support(table: _Table, plate: Plate) -> Support:
         "contact": _components(table, "contact"),
         "mass": table.take("mass", float, default=0.0),
         "unilateral": table.take("unilateral", str, default="Y"),
+        "gap": table.take("gap", float, default=0.0),
+        "preload": table.take("preload", float, default=0.0),
+        "sideways": table.take("sideways", str, default="bonded"),
     }
     table.finish()
     return table.make(Support, **values)  # type: ignore[no-any-return]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields
 from types import SimpleNamespace
 from typing import Any
@@ -17,12 +17,12 @@ from scipy import sparse
 from forms import membrane
 from forms.material import Material
 from forms.numbering import Numbering
-from forms.operators import Contacts, Functionals, Load, Operators
+from forms.operators import Contacts, Functionals, Load, Operators, Reactions
 from forms.parameters import PlateModel, Probe
 from forms.points import interpolation, owned_nodes
 from forms.signals import Constant
-from forms.supports import AXES, Spring, Support, joint_term
-from forms.uplift import CompressionOnly
+from forms.supports import AXES, JointTerm, Spring, Support, joint_term
+from forms.uplift import UpliftLaw
 from meshes.checked import ModelError
 from meshes.releases import compile_form, vector_space
 from meshes.tagged import TaggedMesh
@@ -94,8 +94,8 @@ def assemble_plate(forms: CompiledForms, model: PlateModel) -> AssembledPlate:
         fields.append(matrix)
     material = model.material
     damped = material.alpha > 0 or material.beta > 0
-    extra_stiffness, extra_mass = joints.matrices(numbering)
-    extras = [extra_stiffness, extra_mass]
+    bonded, unilateral, extra_mass = joints.matrices(numbering)
+    extras = [(bonded + unilateral).tocoo(), extra_mass]
     if damped:
         damping = fields[0].duplicate(copy=True)
         damping.scale(material.alpha)
@@ -121,6 +121,10 @@ def assemble_plate(forms: CompiledForms, model: PlateModel) -> AssembledPlate:
         loads.append(Load("gravity", inertia_vector((0.0, -1.0), model.gravity), Constant(1.0), static=True))
     for motion in model.motions:
         loads.append(Load("ground motion", inertia_vector(motion.direction, -1.0), motion.signal))
+    settlement = joints.settlement_load(numbering)
+    if joints.settles:
+        loads.append(Load("gaps and preloads", numbering.vector(None, None), Constant(1.0), static=True, internal=True))
+        loads[-1].vector.array[:] = settlement
     weight = inertia_vector((0.0, 1.0), 1.0)
     total_mass = float(np.real(weight.dot(_rigid_translation(numbering, joints, 1))))
     operators = Operators(
@@ -131,7 +135,11 @@ def assemble_plate(forms: CompiledForms, model: PlateModel) -> AssembledPlate:
         contacts=joints.contacts(numbering),
         probes=_probe_functionals(forms.space, numbering, model.probes),
         comm=numbering.comm,
+        bonded_springs=bonded,
+        unilateral_springs=unilateral,
+        reactions=joints.reactions(numbering, foot_middle(model)),
     )
+    weight.destroy()
     joint_mass = sum(support.mass * len(support.points) for support in model.supports)
     return AssembledPlate(operators, forms.space, numbering, total_mass, joint_mass)
 
@@ -160,35 +168,68 @@ def _probe_functionals(space: Any, numbering: Numbering, probes: tuple[Probe, ..
     return Functionals(tuple(names), local_rows, numbering.comm)
 
 
+def foot_middle(model: PlateModel) -> np.ndarray:
+    """Return the point (2,) m about which moments are taken: the middle of the box that holds all supports and springs."""
+    points = [p for group in (*model.supports, *(model.springs if not model.supports else ())) for p in group.points]
+    if not points:
+        return np.zeros(2)
+    return 0.5 * (np.min(points, axis=0) + np.max(points, axis=0))
+
+
+@dataclass(frozen=True)
+class _JointPart:
+    """One component of one joint whose plate node this rank owns."""
+
+    support: Support
+    point: tuple[float, float]
+    axis: int
+    rows: np.ndarray
+    """(2,) rows within this rank: the plate's dof and the joint's own."""
+    term: JointTerm
+    channel: int
+    """Channel of the contact that this component is, or -1 for a bonded one."""
+
+
 class _Joints:
     """The springs and joints whose plate nodes this rank owns, and the order of all contacts on all ranks."""
 
     def __init__(self, space: Any, model: PlateModel) -> None:
         self.supports = model.supports
         self.springs = [(spring, self._nodes(space, spring, f"springs.{spring.name}")) for spring in model.springs]
-        self.joints: list[tuple[Support, int, int, int, int]] = []
-        """(support, component, local dof of the plate, extra dof, number of its contact or -1) of each owned joint component."""
+        self._parts: list[tuple[Support, tuple[float, float], int, int, int, int]] = []
+        """(support, point, axis, dof of the plate, extra dof, channel)."""
         self.names: list[str] = []
         self.points: list[tuple[float, float]] = []
-        self.stiffness: list[float] = []
+        self.of: list[Support] = []
+        """Support of each contact."""
+        self.owner: list[int] = []
+        self.settles = any(support.settlement != 0 for support in model.supports if support.unilateral)
         self.n_extra = 0
+        normal = sum(len(support.points) for support in model.supports if support.unilateral)
+        sideways: list[int] = []
         for support in model.supports:
             nodes = self._nodes(space, support, f"supports.{support.name}")
             for number, (node, point) in enumerate(zip(nodes, support.points, strict=True), start=1):
-                contact = -1
+                channels = [-1, -1]
                 if support.unilateral:
                     contact = len(self.names)
                     self.names.append(f"{support.name}{number}")
                     self.points.append(point)
-                    self.stiffness.append(support.contact[support.axis])
-                if node < 0:
-                    continue
-                for axis in range(2):
-                    if support.stiffness[axis] == 0 and support.contact[axis] == 0:
-                        continue  # nothing holds the auxiliary node here, and nothing ties it to the plate
-                    here = contact if support.unilateral and axis == support.axis else -1
-                    self.joints.append((support, axis, 2 * int(node) + axis, self.n_extra, here))
-                    self.n_extra += 1
+                    self.of.append(support)
+                    channels[support.axis] = contact
+                    if support.sideways == "released" and np.isfinite(support.flexibility(1 - support.axis)):
+                        channels[1 - support.axis] = normal + len(sideways)
+                        sideways.append(contact)
+                if node >= 0:
+                    self._add(support, point, int(node), channels)
+        self.owner = [*range(normal), *sideways]
+
+    def _add(self, support: Support, point: tuple[float, float], node: int, channels: list[int]) -> None:
+        for axis in range(2):
+            if support.stiffness[axis] == 0 and support.contact[axis] == 0:
+                continue  # nothing holds the auxiliary node here, and nothing ties it to the plate
+            self._parts.append((support, point, axis, 2 * node + axis, self.n_extra, channels[axis]))
+            self.n_extra += 1
 
     @staticmethod
     def _nodes(space: Any, group: Spring | Support, key: str) -> np.ndarray:
@@ -197,43 +238,53 @@ class _Joints:
         except ModelError as error:
             raise ModelError(key, error.message) from None
 
-    def _terms(self, numbering: Numbering) -> Any:
-        for support, axis, dof, extra, contact in self.joints:
+    def parts(self, numbering: Numbering) -> Iterator[_JointPart]:
+        """Give the joint components of this rank."""
+        for support, point, axis, dof, extra, channel in self._parts:
             rows = np.array([numbering.local_row[dof], numbering.extra_row(extra)])
-            yield support, axis, contact, rows, joint_term(support.stiffness[axis], support.contact[axis], support.mass)
+            term = joint_term(support.stiffness[axis], support.contact[axis], support.mass)
+            yield _JointPart(support, point, axis, rows, term, channel)
 
-    def matrices(self, numbering: Numbering) -> tuple[sparse.coo_matrix, sparse.coo_matrix]:
-        """Return the extra entries of stiffness and mass in rows of this rank."""
-        rows, columns, stiffness, mass = [], [], [], []
-        for _, _, _, pair, term in self._terms(numbering):
-            grid = np.meshgrid(pair, pair, indexing="ij")
-            rows += list(grid[0].ravel())
-            columns += list(grid[1].ravel())
-            stiffness += list(term.stiffness.ravel())
-            mass += list(term.mass.ravel())
+    def spring_ends(self, numbering: Numbering) -> Iterator[tuple[tuple[float, float], int, int, float]]:
+        """Give point, axis, row within this rank and stiffness of each plain spring that is not zero."""
         for spring, nodes in self.springs:
-            for node in nodes[nodes >= 0]:
+            for point, node in zip(spring.points, nodes, strict=True):
                 for axis in range(2):
-                    if spring.stiffness[axis] > 0:
-                        row = numbering.local_row[2 * node + axis]
-                        rows.append(row)
-                        columns.append(row)
-                        stiffness.append(spring.stiffness[axis])
-                        mass.append(0.0)
+                    if node >= 0 and spring.stiffness[axis] > 0:
+                        yield point, axis, int(numbering.local_row[2 * node + axis]), spring.stiffness[axis]
+
+    def matrices(self, numbering: Numbering) -> tuple[sparse.csr_matrix, sparse.csr_matrix, sparse.coo_matrix]:
+        """Return the extra entries in rows of this rank: stiffness of what stays bonded and of what can open, and mass."""
         shape = (numbering.n_local, numbering.n_local)
-        return sparse.coo_matrix((stiffness, (rows, columns)), shape), sparse.coo_matrix((mass, (rows, columns)), shape)
+        bonded, unilateral, mass = (sparse.lil_matrix(shape) for _ in range(3))
+        for part in self.parts(numbering):
+            grid = np.ix_(part.rows, part.rows)
+            (bonded if part.channel < 0 else unilateral)[grid] += part.term.stiffness
+            mass[grid] += part.term.mass
+        for _, _, row, value in self.spring_ends(numbering):
+            bonded[row, row] += value
+        return bonded.tocsr(), unilateral.tocsr(), mass.tocoo()
 
     def inertia(self, numbering: Numbering, direction: tuple[float, float]) -> np.ndarray:
         """Return the point masses times the unit acceleration `direction`, (n_local,) kg."""
         vector = np.zeros(numbering.n_local)
-        for support, axis, _, rows, term in self._terms(numbering):
-            vector[rows] += support.mass * direction[axis] * term.load
+        for part in self.parts(numbering):
+            vector[part.rows] += part.support.mass * direction[part.axis] * part.term.load
+        return vector
+
+    def settlement_load(self, numbering: Numbering) -> np.ndarray:
+        """Return the force (n_local,) N of support springs on ground that lies away from the plate by gap or preload."""
+        vector = np.zeros(numbering.n_local)
+        for part in self.parts(numbering):
+            if 0 <= part.channel < len(self.names):
+                stiffness = part.support.stiffness[part.axis]
+                vector[part.rows] -= stiffness * part.support.sign * part.support.settlement * part.term.load
         return vector
 
     def rigid_translation(self, axis: int) -> np.ndarray:
         """Return the values of the extra dofs when everything moves by 1 m along `axis`."""
         values = np.zeros(self.n_extra)
-        for support, component, _, extra, _ in self.joints:
+        for support, _, component, _, extra, _ in self._parts:
             if component == axis:
                 node = joint_term(support.stiffness[axis], support.contact[axis], support.mass).load
                 # The auxiliary node moves with the plate: node . (1, r) = 1.
@@ -242,17 +293,54 @@ class _Joints:
 
     def contacts(self, numbering: Numbering) -> Contacts:
         """Return the contacts of all ranks, with the part of their functionals and forces that lies on this rank."""
-        n_c = len(self.names)
-        elongation = sparse.lil_matrix((n_c, numbering.n_local))
-        push = sparse.lil_matrix((numbering.n_local, n_c))
-        for support, _, contact, rows, term in self._terms(numbering):
-            if contact >= 0:
-                elongation[contact, rows] = support.sign * term.elongation
-                push[rows[0], contact] = support.sign
+        n_c, n_channels = len(self.names), len(self.owner)
+        elongation = sparse.lil_matrix((n_channels, numbering.n_local))
+        push = sparse.lil_matrix((numbering.n_local, n_channels))
+        for part in self.parts(numbering):
+            if part.channel >= 0:
+                sign = part.support.sign if part.channel < n_c else 1.0
+                elongation[part.channel, part.rows] = sign * part.term.elongation
+                push[part.rows[0], part.channel] = sign
+        supports = [self.of[contact] for contact in self.owner]
+        axes = [s.axis if channel < n_c else 1 - s.axis for channel, s in enumerate(supports)]
+        names = tuple(self.names) + tuple(f"{self.names[c]} sideways" for c in self.owner[n_c:])
         return Contacts(
             tuple(self.names),
             np.asarray(self.points, dtype=float).reshape(-1, 2),
-            Functionals(tuple(self.names), elongation.tocsr(), numbering.comm),
+            Functionals(names, elongation.tocsr(), numbering.comm),
             push.tocsr(),
-            CompressionOnly(np.asarray(self.stiffness)),
+            UpliftLaw(
+                np.array([s.contact[axis] for s, axis in zip(supports, axes, strict=True)]),
+                np.array([s.flexibility(axis) for s, axis in zip(supports, axes, strict=True)]),
+                np.asarray(self.owner, dtype=int),
+            ),
         )
+
+    def reactions(self, numbering: Numbering, middle: np.ndarray) -> Reactions:
+        """Return the resultants of all spring forces on the plate, moments about the point `middle` (2,) m."""
+        rows = sparse.lil_matrix((3, numbering.n_local))
+        per_release = np.zeros((3, len(self.owner)))
+        constant = np.zeros(3)
+
+        def effects(point: tuple[float, float], axis: int) -> np.ndarray:
+            """Shear, vertical and moment (3,) of a unit force along `axis` at `point`."""
+            arm = np.asarray(point) - middle
+            return np.array([1.0, 0.0, -arm[1]] if axis == 0 else [0.0, 1.0, arm[0]])
+
+        for point, axis, row, value in self.spring_ends(numbering):
+            for k, effect in enumerate(effects(point, axis)):
+                rows[k, row] -= value * effect
+        for part in self.parts(numbering):
+            effect = effects(part.point, part.axis)
+            # The ground's force is that of the support spring; while a contact is open its release force stands against it.
+            stiffness = part.support.stiffness[part.axis]
+            for k in range(3):
+                for row, weight in zip(part.rows, part.term.load, strict=True):
+                    rows[k, row] -= stiffness * weight * effect[k]
+            if part.channel >= 0:
+                normal = part.channel < len(self.names)
+                per_release[:, part.channel] = effect * (part.support.sign if normal else 1.0)
+                if normal:
+                    constant -= effect * stiffness * part.support.sign * part.support.settlement
+        total = Functionals(("base shear", "vertical reaction", "overturning moment"), rows.tocsr(), numbering.comm)
+        return Reactions(total, total.total(per_release), total.total(constant))

@@ -15,7 +15,7 @@ import numpy as np
 from mpi4py import MPI
 from scipy import sparse
 
-from forms.uplift import CompressionOnly
+from forms.uplift import UpliftLaw
 
 
 @dataclass(frozen=True)
@@ -52,26 +52,47 @@ class Load:
     """Values (nt,) at times (nt,) s."""
     static: bool = False
     """Whether it already acts before time 0, as gravity does."""
+    internal: bool = False
+    """Whether it stands for the strain of springs at zero displacement and so does no work from outside."""
 
 
 @dataclass(frozen=True)
 class Contacts:
-    """The unilateral contacts of a model, in the order of its supports."""
+    """The unilateral contacts of a model, in the order of its supports, and their channels (see `forms.uplift`)."""
 
     names: tuple[str, ...]
     points: np.ndarray
     """(n_c, 2) m."""
     elongation: Functionals
-    """Elongation of each contact in m, positive when it opens."""
+    """Elongation of each channel in m, positive when it opens."""
     push: sparse.csr_matrix
-    """(n_local, n_c): this rank's part of the unit release force of each contact on the plate."""
-    law: CompressionOnly
+    """(n_local, n_channels): this rank's part of the unit release force of each channel on the plate."""
+    law: UpliftLaw
 
 
 def no_contacts(n_local: int, comm: Any) -> Contacts:
     """Return the contacts of a model that has none."""
     nothing = Functionals((), sparse.csr_matrix((0, n_local)), comm)
-    return Contacts((), np.zeros((0, 2)), nothing, sparse.csr_matrix((n_local, 0)), CompressionOnly(np.zeros(0)))
+    return Contacts((), np.zeros((0, 2)), nothing, sparse.csr_matrix((n_local, 0)), UpliftLaw(np.zeros(0), np.zeros(0)))
+
+
+@dataclass(frozen=True)
+class Reactions:
+    """Resultants of the forces of the ground on the plate: a linear part in the solution and one in the release forces.
+
+    Resultant = functionals(u) + release @ per_release^T + constant; base shear along X in N, vertical reaction in N,
+    overturning moment in N m, counter-clockwise, about the middle of the plate's foot.
+    """
+
+    functionals: Functionals
+    per_release: np.ndarray
+    """(3, n_channels)."""
+    constant: np.ndarray
+    """(3,): of springs that are strained at zero displacement."""
+
+    def values(self, linear: np.ndarray, release: np.ndarray) -> np.ndarray:
+        """Return the resultants (nt, 3) from the functionals' values (nt, 3) and release forces (nt, n_channels) N."""
+        return linear + release @ self.per_release.T + self.constant
 
 
 @dataclass
@@ -86,6 +107,12 @@ class Operators:
     contacts: Contacts
     probes: Functionals
     comm: Any
+    bonded_springs: sparse.csr_matrix
+    """(n_local, n_local) N/m: the part of the stiffness that is plain springs and bonded components of joints."""
+    unilateral_springs: sparse.csr_matrix
+    """(n_local, n_local) N/m: the part that is components of joints whose contact can open."""
+    reactions: Reactions | None = None
+    """None where the model knows no ground, as an oscillator written down in numbers."""
 
     @property
     def n(self) -> int:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from decimal import ROUND_DOWN, Context
+from decimal import ROUND_CEILING, Context
 from pathlib import Path
 from typing import Protocol
 
@@ -74,9 +74,12 @@ class Table:
 
 
 def tabulate(signal: Signal, step: float, end: float, digits: int) -> Table:
-    """Sample `signal` every `step` s from 0 past `end` and cut the values after `digits` significant digits."""
+    """Sample `signal` every `step` s from 0 past `end`, rounded up to `digits` significant digits.
+
+    Up, because with a table of SDLS119 to seven digits that is how its published results come out to their last digit.
+    """
     times = step * np.arange(math.ceil(end / step) + 2)
-    context = Context(prec=digits, rounding=ROUND_DOWN)
+    context = Context(prec=digits, rounding=ROUND_CEILING)
     return Table(times, np.array([float(context.create_decimal(repr(float(value)))) for value in signal(times)]))
 
 

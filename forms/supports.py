@@ -45,13 +45,26 @@ class Support(Checked):
         default="Y",
         one_of=("X", "-X", "Y", "-Y", ""),
     )
+    gap: float = quantity("distance that the unloaded plate has to go before it touches the support", "m", default=0.0, at_least=0.0)
+    preload: float = quantity("force with which the support pushes the plate in its unloaded position", "N", default=0.0, at_least=0.0)
+    sideways: str = quantity(
+        "what becomes of the other direction while the contact is open", default="bonded", one_of=("bonded", "released")
+    )
 
     def check(self) -> None:
-        """Stiffnesses are finite and not negative, and a unilateral contact has a stiffness to push with."""
+        """A unilateral contact has springs to push with, and what only such a contact knows is not asked of another."""
         _check_stiffness("stiffness", self.stiffness)
         _check_stiffness("contact", self.contact)
-        if self.unilateral and not self.contact[self.axis] > 0:
-            raise ModelError(f"contact.{AXES[self.axis]}", "expected > 0 N/m where the contact is unilateral")
+        if self.gap > 0 and self.preload > 0:
+            raise ModelError("preload", "expected 0 N where there is a gap")
+        if not self.unilateral:
+            for key, plain in (("gap", 0.0), ("preload", 0.0), ("sideways", "bonded")):
+                if getattr(self, key) != plain:
+                    raise ModelError(key, "expected only where the contact is unilateral")
+            return
+        for key, values in (("contact", self.contact), ("stiffness", self.stiffness)):
+            if not values[self.axis] > 0:
+                raise ModelError(f"{key}.{AXES[self.axis]}", "expected > 0 N/m where the contact is unilateral")
 
     @property
     def axis(self) -> int:
@@ -62,6 +75,16 @@ class Support(Checked):
     def sign(self) -> float:
         """+1 or -1: sense of the unilateral direction along its axis."""
         return -1.0 if self.unilateral.startswith("-") else 1.0
+
+    def flexibility(self, axis: int) -> float:
+        """Return the flexibility in m/N along `axis`: spring and contact in series (infinite where one is missing)."""
+        springs = self.stiffness[axis], self.contact[axis]
+        return sum(1 / k for k in springs) if all(springs) else float("inf")
+
+    @property
+    def settlement(self) -> float:
+        """How far in m the ground lies away from the plate: the gap, or what takes away the preload's compression."""
+        return self.gap - (self.preload * self.flexibility(self.axis) if self.preload else 0.0)
 
 
 def _check_stiffness(key: str, values: tuple[float, float]) -> None:

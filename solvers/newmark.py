@@ -1,11 +1,19 @@
-"""Newmark's method in acceleration form, with the effective matrix factorised once.
+"""Implicit time integration in acceleration form, with uplift exact at every step and one factorisation in all.
 
-u1 = u0 + dt v0 + dt^2 ((1/2 - beta) a0 + beta a1),  v1 = v0 + dt ((1 - gamma) a0 + gamma a1),
-(M + gamma dt C + beta dt^2 K) a1 = f1 - C v* - K u*, with u*, v* the parts of u1, v1 that are known.
+u1 = u0 + dt v0 + dt^2 ((1/2 - beta) a0 + beta a1),  v1 = v0 + dt ((1 - gamma) a0 + gamma a1), and with * for the known parts of u1, v1,
 
-Second order for gamma = 1/2, else first; unconditionally stable for 2 beta >= gamma >= 1/2. Solving for the acceleration
-keeps its digits when dt is small, where the difference of two displacements over dt^2 would not.
-Source: Hughes, The Finite Element Method, chapter 9; N. M. Newmark, J. Eng. Mech. Div. ASCE 85 (1959).
+    A a1 = f_alpha - alpha_m M a0 - C v_alpha* - K u_alpha*,    A = (1 - alpha_m) M + (1 - alpha_f) (gamma dt C + beta dt^2 K),
+
+x_alpha = (1 - alpha_f) x1 + alpha_f x0. Newmark's method is alpha_m = alpha_f = 0. Second order for gamma = 1/2 - alpha_m + alpha_f, else
+first; unconditionally stable for the parameters that `Scheme` admits. Solving for the acceleration keeps its digits when dt
+is small, where the difference of two displacements over dt^2 would not.
+
+The contacts stay bonded in K. What an open one must not carry is taken away by release forces on the right-hand side, which
+follow exactly from the compliance of the contacts in one step: one extra solve for each contact before the first step, and then
+one solve a step, as in a linear run.
+
+Sources: N. M. Newmark, J. Eng. Mech. Div. ASCE 85 (1959) 67; Hughes, The Finite Element Method, chapter 9; Chung and Hulbert,
+J. Appl. Mech. 60 (1993) 371.
 """
 
 from __future__ import annotations
@@ -17,18 +25,28 @@ import numpy as np
 from petsc4py import PETSc
 
 from forms.operators import Operators
+from solvers.contact import ContactProblem, settled_release
+from solvers.energy import EnergyMeter
 from solvers.history import History
 from solvers.linear import DirectSolver
 from solvers.parameters import Scheme
 
+SAME = PETSc.Mat.Structure.SAME_NONZERO_PATTERN
+
 
 @dataclass
 class State:
-    """Displacement, velocity and acceleration (PETSc vectors) at one instant; `with` destroys them."""
+    """Displacement, velocity and acceleration (PETSc vectors) and release forces at one instant; `with` destroys it."""
 
     displacement: Any
     velocity: Any
     acceleration: Any
+    release: np.ndarray
+    """(n_channels,) N."""
+
+    def copy(self) -> State:
+        """Return an independent copy."""
+        return State(self.displacement.copy(), self.velocity.copy(), self.acceleration.copy(), self.release.copy())
 
     def __enter__(self) -> State:
         """Return itself."""
@@ -41,30 +59,79 @@ class State:
 
 
 def at_rest(operators: Operators) -> State:
-    """Return the state of zero displacement, velocity and acceleration."""
-    return State(operators.new_vector(), operators.new_vector(), operators.new_vector())
+    """Return the state of zero displacement, velocity, acceleration and release forces."""
+    return State(*(operators.new_vector() for _ in range(3)), np.zeros(operators.contacts.law.n_channels))
+
+
+def add_push(operators: Operators, release: np.ndarray, vector: Any) -> None:
+    """Add release forces (n_channels,) N to a load vector."""
+    if release.any():
+        vector.array[:] += operators.contacts.push @ release
+
+
+def tensions(operators: Operators, displacement: Any) -> np.ndarray:
+    """Return the tensions (n_channels,) N of the bonded contacts under a displacement vector (collective)."""
+    elongation = operators.contacts.elongation
+    return operators.contacts.law.tension(elongation.total(elongation.partial(np.real(displacement.array_r))))
+
+
+class ContactCompliance:
+    """Answers of one factorised matrix to unit release forces, and the contact problem they make."""
+
+    def __init__(self, operators: Operators, solver: DirectSolver, factor: float) -> None:
+        """Solve once for each channel (collective); `factor` turns a solution into the displacement it stands for."""
+        contacts = operators.contacts
+        n = contacts.law.n_channels
+        self.answers = np.zeros((n, operators.n_local))
+        """(n_channels, n_local): solutions for unit release forces, this rank's rows."""
+        right, solution = operators.new_vector(), operators.new_vector()
+        for j in range(n):
+            right.array[:] = contacts.push[:, [j]].toarray().ravel()
+            solver.solve(right, solution, check=True)
+            self.answers[j] = np.real(solution.array_r)
+        right.destroy()
+        solution.destroy()
+        partial = np.stack([contacts.elongation.partial(answer) for answer in self.answers]) if n else np.zeros((0, 0))
+        per_push = factor * contacts.elongation.total(partial).T
+        self.problem = ContactProblem(contacts.law, contacts.law.stiffness[:, None] * per_push)
 
 
 class Newmark:
     """Time stepping of one model with one step length; `with` frees the factors."""
 
     def __init__(
-        self, operators: Operators, scheme: Scheme, step: float, *, damped: bool = True, prefix: str = "newmark_"
+        self,
+        operators: Operators,
+        scheme: Scheme,
+        step: float,
+        *,
+        damped: bool = True,
+        exact_uplift: bool = False,
+        prefix: str = "newmark_",
     ) -> None:
-        """Factorise the effective matrix (collective). `step` in s; `damped=False` leaves the damping out."""
+        """Factorise the effective matrix (collective).
+
+        `step` in s; `damped=False` leaves the damping out; `exact_uplift` finds the release forces at every step, else
+        contacts stay bonded but for release forces that are given.
+        """
         self.operators = operators
         self.scheme = scheme
         self.step = step
         self.damping = operators.damping if damped else None
+        keep = 1 - scheme.alpha_f
         effective = operators.mass.copy()
-        same = PETSc.Mat.Structure.SAME_NONZERO_PATTERN
-        effective.axpy(scheme.beta * step**2, operators.stiffness, structure=same)
+        effective.scale(1 - scheme.alpha_m)
+        effective.axpy(keep * scheme.beta * step**2, operators.stiffness, structure=SAME)
         if self.damping is not None:
-            effective.axpy(scheme.gamma * step, self.damping, structure=same)
+            effective.axpy(keep * scheme.gamma * step, self.damping, structure=SAME)
         self._effective = effective
         self.solver = DirectSolver(effective, prefix, definite=True, what="time step")
-        self._right, self._work = operators.new_vector(), operators.new_vector()
+        self._right, self._work, self._mean = (operators.new_vector() for _ in range(3))
         self._steps = 0
+        self.compliance: ContactCompliance | None = None
+        if exact_uplift and operators.contacts.law.n_channels:
+            # A release force r1 acts as (1 - alpha_f) r1 at the instant of balance and moves the contacts by beta dt^2 a1.
+            self.compliance = ContactCompliance(operators, self.solver, keep * scheme.beta * step**2)
 
     def __enter__(self) -> Newmark:
         """Return itself."""
@@ -73,57 +140,100 @@ class Newmark:
     def __exit__(self, *args: object) -> None:
         """Free the factors and work vectors."""
         self.solver.__exit__(*args)
-        for thing in (self._effective, self._right, self._work):
+        for thing in (self._effective, self._right, self._work, self._mean):
             thing.destroy()
 
-    def predict(self, state: State) -> None:
-        """Replace displacement and velocity by the known parts u*, v* of their values one step later."""
-        dt, beta, gamma = self.step, self.scheme.beta, self.scheme.gamma
-        state.displacement.axpy(dt, state.velocity)
-        if beta != 0.5:
-            state.displacement.axpy(dt**2 * (0.5 - beta), state.acceleration)
-        if gamma != 1.0:
-            state.velocity.axpy(dt * (1 - gamma), state.acceleration)
+    def advance(self, state: State, loads: tuple[np.ndarray, np.ndarray], given: np.ndarray | None = None) -> None:
+        """Replace `state` by the state one step later (collective).
 
-    def correct(self, state: State, right: Any) -> None:
-        """Solve for the new acceleration and complete displacement and velocity; `right` holds f1 and is overwritten."""
-        self.operators.stiffness.mult(state.displacement, self._work)
-        right.axpy(-1.0, self._work)
-        if self.damping is not None:
-            self.damping.mult(state.velocity, self._work)
-            right.axpy(-1.0, self._work)
+        `loads` are the values (n_loads,) of the load histories at the beginning and the end of the step. `given`
+        (n_channels,) N are the release forces at its end; without them they are exact, or zero if uplift is not exact.
+        """
+        scheme, dt = self.scheme, self.step
+        right = self._balance(state, loads)
+        before = state.release
+        state.release = np.zeros_like(before) if given is None else given
+        add_push(self.operators, (1 - scheme.alpha_f) * state.release + scheme.alpha_f * before, right)
         # The first step and every power of two are checked: cheap, and a factor gone bad is seen early.
         self.solver.solve(right, state.acceleration, check=(self._steps & (self._steps - 1)) == 0)
         self._steps += 1
-        state.displacement.axpy(self.step**2 * self.scheme.beta, state.acceleration)
-        state.velocity.axpy(self.step * self.scheme.gamma, state.acceleration)
+        if self.compliance is not None and given is None:
+            self._release(state, before)
+        state.displacement.axpy(dt**2 * scheme.beta, state.acceleration)
+        state.velocity.axpy(dt * scheme.gamma, state.acceleration)
 
-    def load(self, values: np.ndarray, push: np.ndarray | None) -> Any:
-        """Return the load vector for values (n_loads,) of the load histories and release forces (n_c,) N."""
-        self._right.zeroEntries()
-        for value, load in zip(values, self.operators.loads, strict=True):
+    def _balance(self, state: State, loads: tuple[np.ndarray, np.ndarray]) -> Any:
+        """Bring displacement and velocity to their known parts one step later; return the right-hand side without release forces."""
+        operators, scheme, dt, right = self.operators, self.scheme, self.step, self._right
+        keep, old = 1 - scheme.alpha_f, scheme.alpha_f
+        right.zeroEntries()
+        for value, load in zip(keep * loads[1] + old * loads[0], operators.loads, strict=True):
             if value != 0:
-                self._right.axpy(value, load.vector)
-        if push is not None and push.any():
-            self._right.array[:] += self.operators.contacts.push @ push
-        return self._right
+                right.axpy(value, load.vector)
+        if scheme.alpha_m != 0:
+            operators.mass.mult(state.acceleration, self._work)
+            right.axpy(-scheme.alpha_m, self._work)
+        u, v, a = state.displacement, state.velocity, state.acceleration
+        for vector, matrix, changes in (
+            (u, operators.stiffness, ((dt, v), (dt**2 * (0.5 - scheme.beta), a))),
+            (v, self.damping, ((dt * (1 - scheme.gamma), a),)),
+        ):
+            if old != 0:
+                vector.copy(self._mean)
+            for factor, rate in changes:
+                if factor != 0:
+                    vector.axpy(factor, rate)
+            if matrix is None:
+                continue
+            if old != 0:
+                self._mean.axpby(keep, old, vector)
+            matrix.mult(self._mean if old != 0 else vector, self._work)
+            right.axpy(-1.0, self._work)
+        return right
+
+    def _release(self, state: State, before: np.ndarray) -> None:
+        """Find the release forces and add the acceleration that they cause."""
+        scheme, compliance = self.scheme, self.compliance
+        assert compliance is not None
+        contacts = self.operators.contacts
+        here = np.real(state.displacement.array_r), np.real(state.acceleration.array_r)
+        partial = contacts.elongation.partial(here[0]) + self.step**2 * scheme.beta * contacts.elongation.partial(here[1])
+        tension = contacts.law.tension(contacts.elongation.total(partial))
+        state.release = compliance.problem.solve(tension, before)
+        acting = np.flatnonzero(state.release)
+        if acting.size:
+            state.acceleration.array[:] += ((1 - scheme.alpha_f) * state.release[acting]) @ compliance.answers[acting]
 
 
-def balance_acceleration(operators: Operators, state: State, load_values: np.ndarray, time_scale: float, *, damped: bool = True) -> None:
+def load_values(operators: Operators, times: np.ndarray, *, static_only: bool = False) -> np.ndarray:
+    """Return the load histories (nt, n_loads) at `times` (nt,) s; with `static_only` those of the static loads alone."""
+    columns = [
+        load.history(times) if load.static or not static_only else np.zeros(len(times)) for load in operators.loads
+    ]
+    return np.stack(columns, axis=1) if columns else np.zeros((len(times), 0))
+
+
+def loads_at(operators: Operators, values: np.ndarray, release: np.ndarray) -> Any:
+    """Return a new vector of the loads for values (n_loads,) of their histories and release forces (n_channels,) N."""
+    right = operators.new_vector()
+    for value, load in zip(values, operators.loads, strict=True):
+        right.axpy(value, load.vector)
+    add_push(operators, release, right)
+    return right
+
+
+def balance_acceleration(operators: Operators, state: State, values: np.ndarray, time_scale: float, *, damped: bool = True) -> None:
     """Set the acceleration that the equation of motion asks for: M a = f - C v - K u (collective).
 
-    `load_values` (n_loads,) are the load histories at this instant. Dofs without mass (massless joints) follow from
-    their own equilibrium, differentiated twice; it enters through a stiffness weighed with `time_scale`^2 s2, small
-    enough to leave the others alone.
+    `values` (n_loads,) are the load histories at this instant. Dofs without mass (massless joints) follow from their own
+    equilibrium, differentiated twice; it enters through a stiffness weighed with `time_scale`^2 s2, small enough to leave
+    the others alone.
     """
-    massless = float(np.min(np.abs(operators.mass.getDiagonal().array), initial=np.inf))
-    massless = operators.comm.allreduce(massless, op=min)
+    lightest = float(np.min(np.abs(operators.mass.getDiagonal().array), initial=np.inf))
     matrix = operators.mass.copy()
-    if massless == 0:
-        matrix.axpy(1e-13 * time_scale**2, operators.stiffness, structure=PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
-    right, work = operators.new_vector(), operators.new_vector()
-    for value, load in zip(load_values, operators.loads, strict=True):
-        right.axpy(value, load.vector)
+    if operators.comm.allreduce(lightest, op=min) == 0:
+        matrix.axpy(1e-13 * time_scale**2, operators.stiffness, structure=SAME)
+    right, work = loads_at(operators, values, state.release), operators.new_vector()
     operators.stiffness.mult(state.displacement, work)
     right.axpy(-1.0, work)
     if operators.damping is not None and damped:
@@ -135,28 +245,25 @@ def balance_acceleration(operators: Operators, state: State, load_values: np.nda
         thing.destroy()
 
 
-def load_values(operators: Operators, times: np.ndarray, *, static_only: bool = False) -> np.ndarray:
-    """Return the load histories (nt, n_loads) at `times` (nt,) s; with `static_only` those of the static loads alone."""
-    columns = [
-        load.history(times) if load.static or not static_only else np.zeros(len(times)) for load in operators.loads
-    ]
-    return np.stack(columns, axis=1) if columns else np.zeros((len(times), 0))
+def static_state(operators: Operators, *, exact_uplift: bool = False) -> State:
+    """Return the static answer to the static loads (collective); contacts bonded, or lifted where they pull.
 
-
-def static_state(operators: Operators) -> State:
-    """Return the static answer to the static loads, every contact bonded (collective). Raises `SolverError` if none exists."""
+    Raises `SolverError` if there is none.
+    """
     state = at_rest(operators)
     values = load_values(operators, np.zeros(1), static_only=True)[0]
-    right = operators.new_vector()
-    for value, load in zip(values, operators.loads, strict=True):
-        right.axpy(value, load.vector)
+    right = loads_at(operators, values, state.release)
     with DirectSolver(operators.stiffness, "static_", definite=True, what="static initial state") as solver:
         solver.solve(right, state.displacement, check=right.norm() > 0)
+        if exact_uplift and state.release.size:
+            compliance = ContactCompliance(operators, solver, 1.0)
+            state.release = settled_release(compliance.problem, tensions(operators, state.displacement))
+            state.displacement.array[:] += state.release @ compliance.answers
     right.destroy()
     return state
 
 
-def settled_state(operators: Operators, scheme: Scheme, step: float, steps: int) -> State:
+def settled_state(operators: Operators, scheme: Scheme, step: float, steps: int, *, exact_uplift: bool = False) -> State:
     """Return the state after `steps` undamped steps under the static loads from rest, ending at time 0 (collective).
 
     With beta = 1, gamma = 1.5 and long steps this is the static answer, by numerical damping, as the source obtains it.
@@ -164,46 +271,55 @@ def settled_state(operators: Operators, scheme: Scheme, step: float, steps: int)
     state = at_rest(operators)
     values = load_values(operators, np.zeros(1), static_only=True)[0]
     balance_acceleration(operators, state, values, step, damped=False)
-    with Newmark(operators, scheme, step, damped=False, prefix="settle_") as method:
+    with Newmark(operators, scheme, step, damped=False, exact_uplift=exact_uplift, prefix="settle_") as method:
         for _ in range(steps):
-            method.predict(state)
-            method.correct(state, method.load(values, None))
+            method.advance(state, (values, values))
     return state
 
 
 def transient(
-    method: Newmark, start: State, steps: int, *, every: int = 1, release: np.ndarray | None = None
+    method: Newmark, start: State, steps: int, *, every: int = 1, release: np.ndarray | None = None, energy: bool = False
 ) -> History:
-    """March `steps` steps from time 0 and the displacement and velocity of `start`, which is left as it is (collective).
+    """March `steps` steps from time 0 and the state `start`, which is left as it is (collective).
 
-    Every `every`-th step is archived. `release` (n_archived, n_c) N are contact release forces known at the archived
-    instants and interpolated linearly between them, zero if None.
+    Every `every`-th step is archived. `release` (n_archived, n_channels) N are release forces known at the archived instants
+    and interpolated linearly between them; without them uplift is exact, or left out, as `method` was made. `energy`
+    keeps the ledger of energies, at three products of a matrix and a vector a step.
     """
     operators = method.operators
     times = method.step * np.arange(steps + 1)
     archived = times[::every]
     values = load_values(operators, times)
-    pushes = None
+    given = None
     if release is not None:
-        pushes = np.stack([np.interp(times, archived, column) for column in release.T], axis=1)
-    state = State(start.displacement.copy(), start.velocity.copy(), start.acceleration.copy())
-    observed = operators.probes, operators.contacts.elongation
+        given = np.stack([np.interp(times, archived, column) for column in release.T], axis=1)
+    observed = [operators.probes, operators.contacts.elongation]
+    if operators.reactions is not None:
+        observed.append(operators.reactions.functionals)
     parts = [np.zeros((len(archived), len(functionals.names))) for functionals in observed]
-    with state:
+    acted = np.zeros((len(archived), operators.contacts.law.n_channels))
+    meter = EnergyMeter(operators) if energy else None
+    with start.copy() as state:
+        if given is not None:
+            state.release = given[0]
         balance_acceleration(operators, state, values[0], method.step)
         farthest, peak, peak_field = -1.0, 0, None
         for n in range(steps + 1):
             if n > 0:
-                method.predict(state)
-                method.correct(state, method.load(values[n], None if pushes is None else pushes[n]))
+                method.advance(state, (values[n - 1], values[n]), None if given is None else given[n])
+            if meter is not None:
+                meter.add(state.displacement, state.velocity, values[n], state.release, step=method.step, archive=n % every == 0)
             if n % every:
                 continue
             here = np.real(state.displacement.array_r)
             row = n // every
             for part, functionals in zip(parts, observed, strict=True):
                 part[row] = functionals.partial(here)
+            acted[row] = state.release
             reach = np.max(np.abs(operators.probes.total(parts[0][row])), initial=0.0)
             if reach > farthest:
                 farthest, peak, peak_field = reach, row, here.copy()
-    probes, elongation = (f.total(part) for f, part in zip(observed, parts, strict=True))
-    return History(archived, probes, elongation, peak, peak_field)
+    probes, elongation, *resultants = (f.total(part) for f, part in zip(observed, parts, strict=True))
+    reactions = operators.reactions.values(resultants[0], acted) if operators.reactions is not None else np.zeros((len(archived), 0))
+    ledger = meter.ledger() if meter is not None else None
+    return History(archived, probes, elongation, acted, reactions, peak, peak_field, ledger)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from forms.uplift import CompressionOnly
+from forms.uplift import UpliftLaw
 from solvers.history import History
 
 log = logging.getLogger(__name__)
@@ -30,18 +30,16 @@ class Passes:
     """Per pass: largest net tension left in a contact, relative to the largest compression: the law's own residual."""
 
 
-def published_passes(solve: Callable[[np.ndarray | None], History], law: CompressionOnly, passes: int) -> Passes:
-    """Run `passes` passes of `solve`, which maps release forces at the archived instants (nt, n_c) N to a history."""
+def published_passes(solve: Callable[[np.ndarray | None], History], law: UpliftLaw, passes: int) -> Passes:
+    """Run `passes` passes of `solve`, which maps release forces at the archived instants (nt, n_channels) N to a history."""
     release: np.ndarray | None = None
     histories: list[History] = []
     change: list[float] = []
     pull: list[float] = []
     for number in range(1, passes + 1):
         history = solve(release)
-        tension = law.tension(history.elongation)
-        applied = np.zeros_like(tension) if release is None else release
-        compression = np.max(-(tension - applied), initial=0.0)
-        pull.append(_ratio(np.max(tension - applied, initial=0.0), compression))
+        compression = law.compression(law.tension(history.elongation), history.release)
+        pull.append(_ratio(np.max(-compression, initial=0.0), np.max(compression, initial=0.0)))
         if histories:
             size = np.max(np.abs(history.probes), initial=0.0)
             change.append(_ratio(np.max(np.abs(history.probes - histories[-1].probes), initial=0.0), size))

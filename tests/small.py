@@ -6,7 +6,7 @@ from petsc4py import PETSc
 from scipy import sparse
 
 from forms.operators import Contacts, Functionals, Load, Operators, no_contacts
-from forms.uplift import CompressionOnly
+from forms.uplift import UpliftLaw
 
 
 def petsc_matrix(dense):
@@ -24,21 +24,25 @@ def petsc_vector(values):
 def dense_operators(stiffness, mass, damping=None, loads=(), contacts=None):
     """Operators of a small dense system whose probes are all its dofs; loads are (vector, history, static)."""
     n = len(stiffness)
+    contacts = contacts or no_contacts(n, MPI.COMM_SELF)
+    rows = contacts.elongation.local
     return Operators(
         stiffness=petsc_matrix(np.asarray(stiffness, dtype=float)),
         mass=petsc_matrix(np.asarray(mass, dtype=float)),
         damping=None if damping is None else petsc_matrix(np.asarray(damping, dtype=float)),
         loads=[Load(f"load {i}", petsc_vector(v), h, static=s) for i, (v, h, s) in enumerate(loads)],
-        contacts=contacts or no_contacts(n, MPI.COMM_SELF),
+        contacts=contacts,
         probes=Functionals(tuple(f"u{i}" for i in range(n)), sparse.identity(n, format="csr"), MPI.COMM_SELF),
         comm=MPI.COMM_SELF,
+        bonded_springs=sparse.csr_matrix((n, n)),
+        unilateral_springs=(rows.T @ sparse.diags(contacts.law.stiffness) @ rows).tocsr(),
     )
 
 
 def contact_on(dof, stiffness, n):
     """One contact whose elongation is the displacement of `dof`, pushing it upwards."""
     row = sparse.csr_matrix(([1.0], ([0], [dof])), shape=(1, n))
-    return Contacts(("c1",), np.zeros((1, 2)), Functionals(("c1",), row, MPI.COMM_SELF), row.T.tocsr(), CompressionOnly(np.array([stiffness])))
+    return Contacts(("c1",), np.zeros((1, 2)), Functionals(("c1",), row, MPI.COMM_SELF), row.T.tocsr(), UpliftLaw(np.array([stiffness]), np.array([1 / stiffness])))
 
 
 def to_dense(matrix):

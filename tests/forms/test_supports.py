@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from forms.supports import Spring, Support, joint_term
-from forms.uplift import CompressionOnly
+from forms.uplift import UpliftLaw
 from meshes.checked import ModelError
 
 
@@ -29,10 +29,26 @@ def test_contact_force_keeps_its_digits_beside_any_penalty(penalty):
 
 
 def test_release_force_is_the_tension_and_never_a_push():
-    law = CompressionOnly(np.array([2.0, 3.0]))
+    law = UpliftLaw(np.array([2.0, 3.0]), np.array([0.5, 0.4]))
     elongation = np.array([[1.0, -1.0], [0.0, 2.0]])
-    assert np.array_equal(law.release(elongation), [[2.0, 0.0], [0.0, 6.0]])
+    release = law.release(elongation)
+    assert np.array_equal(release, [[2.0, 0.0], [0.0, 6.0]])
     assert np.array_equal(law.tension(elongation), [[2.0, -3.0], [0.0, 6.0]])
+    assert np.array_equal(law.compression(law.tension(elongation), release), [[0.0, 3.0], [0.0, 0.0]])
+    assert law.gap(release) == pytest.approx(np.array([[1.0, 0.0], [0.0, 2.4]]))
+
+
+def test_sideways_channels_belong_to_their_contact_and_are_left_alone_by_the_published_law():
+    law = UpliftLaw(np.array([2.0, 3.0, 7.0]), np.array([0.5, 0.4, 0.2]), np.array([0, 1, 1]))
+    assert (law.n_contacts, law.n_channels) == (2, 3)
+    assert np.array_equal(law.release(np.array([1.0, 1.0, 1.0])), [2.0, 3.0, 0.0])
+
+
+def test_preload_is_a_negative_gap():
+    preloaded = Support("S", ((0.0, 0.0),), (0.0, 4.0), (0.0, 12.0), preload=6.0)
+    assert preloaded.flexibility(1) == pytest.approx(1 / 3)
+    assert preloaded.settlement == pytest.approx(-2.0)
+    assert Support("S", ((0.0, 0.0),), (0.0, 4.0), (0.0, 12.0), gap=0.1).settlement == 0.1
 
 
 @pytest.mark.parametrize(
@@ -41,6 +57,10 @@ def test_release_force_is_the_tension_and_never_a_push():
         (lambda: Spring("S", ((0.0, 0.0),), (-1.0, 0.0)), "stiffness.X"),
         (lambda: Support("S", ((0.0, 0.0),), (1.0, float("nan")), (1.0, 1.0)), "stiffness.Y"),
         (lambda: Support("S", ((0.0, 0.0),), (1.0, 1.0), (1.0, 0.0)), "contact.Y"),
+        (lambda: Support("S", ((0.0, 0.0),), (1.0, 0.0), (1.0, 1.0)), "stiffness.Y"),
+        (lambda: Support("S", ((0.0, 0.0),), (1.0, 1.0), (1.0, 1.0), gap=1.0, preload=1.0), "preload"),
+        (lambda: Support("S", ((0.0, 0.0),), (1.0, 1.0), (1.0, 1.0), unilateral="", gap=1.0), "gap"),
+        (lambda: Support("S", ((0.0, 0.0),), (1.0, 1.0), (1.0, 1.0), sideways="loose"), "sideways"),
         (lambda: Support("S", ((0.0, 0.0),), (1.0, 1.0), (1.0, 1.0), mass=-1.0), "mass"),
         (lambda: Support("S", ((0.0, 0.0),), (1.0, 1.0), (1.0, 1.0), unilateral="Z"), "unilateral"),
     ],

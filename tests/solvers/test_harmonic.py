@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from forms.signals import Constant, Ricker
-from solvers.harmonic import FourierResponse, sweep
+from solvers.harmonic import FourierResponse, harmonic_sweep
 from solvers.newmark import Newmark, at_rest, transient
 from solvers.parameters import Scheme, Window
 from tests import oscillator
@@ -18,7 +18,7 @@ def operators_with(history, **options):
 def test_sweep_equals_the_closed_form():
     omega = np.linspace(0, 20, 41)
     with operators_with(Constant(1.0)) as operators:
-        transfer = sweep(operators, omega)
+        transfer = harmonic_sweep(operators, omega)
     exact = np.array([oscillator.frequency_response(w) for w in omega])
     assert np.max(np.abs(transfer.probes[:, :, 0] - exact)) < 1e-13 * np.max(np.abs(exact))
     assert transfer.fields[:, 0, :] == pytest.approx(transfer.probes[:, :, 0])
@@ -27,7 +27,7 @@ def test_sweep_equals_the_closed_form():
 def test_unit_release_forces_are_the_columns_after_the_loads():
     omega = np.array([0.0, 3.0])
     with operators_with(Constant(1.0), contacts=contact_on(1, 7.0, 2)) as operators:
-        transfer = sweep(operators, omega)
+        transfer = harmonic_sweep(operators, omega)
     for i, w in enumerate(omega):
         dynamic = oscillator.STIFFNESS - w**2 * oscillator.MASS + 1j * w * oscillator.DAMPING
         assert transfer.probes[i, :, 1] == pytest.approx(np.linalg.solve(dynamic, [0.0, 1.0]), rel=1e-13)
@@ -40,7 +40,7 @@ def test_band_limited_response_equals_small_time_steps():
     window = Window(160.0, 8192, 8.0)
     errors = []
     with operators_with(pulse) as operators:
-        history = FourierResponse(operators, window, sweep(operators, 2 * np.pi * window.frequencies)).history(None)
+        history = FourierResponse(operators, window, harmonic_sweep(operators, 2 * np.pi * window.frequencies)).history(None)
         for per_sample in (8, 16):
             step = window.length / window.samples / per_sample
             with Newmark(operators, Scheme(), step) as method, at_rest(operators) as start:
@@ -55,6 +55,6 @@ def test_band_limited_response_equals_small_time_steps():
 def test_static_load_answers_statically():
     window = Window(10.0, 64, 2.0)
     with operators_with(Constant(1.0)) as operators:
-        history = FourierResponse(operators, window, sweep(operators, 2 * np.pi * window.frequencies)).history(None)
+        history = FourierResponse(operators, window, harmonic_sweep(operators, 2 * np.pi * window.frequencies)).history(None)
     static = np.linalg.solve(oscillator.STIFFNESS, oscillator.FORCE)
     assert history.probes == pytest.approx(np.tile(static, (64, 1)), rel=1e-12)

@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 
-from forms.uplift import CompressionOnly
+from forms.uplift import UpliftLaw
 from solvers.history import History
 from solvers.passes import published_passes
 
-LAW = CompressionOnly(np.array([4.0]))
+LAW = UpliftLaw(np.array([4.0]), np.array([0.25]))
 
 
 def one_contact(compliance):
@@ -13,9 +13,9 @@ def one_contact(compliance):
 
     def solve(release):
         elongation = np.array([[-0.5], [0.25]])
-        if release is not None:
-            elongation = elongation + compliance * release
-        return History(np.array([0.0, 1.0]), elongation.copy(), elongation)
+        acted = np.zeros((2, 1)) if release is None else release
+        elongation = elongation + compliance * acted
+        return History(np.array([0.0, 1.0]), elongation.copy(), elongation, acted, np.zeros((2, 0)))
 
     return solve
 

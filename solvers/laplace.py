@@ -1,0 +1,215 @@
+"""Uplift from one sweep and no iteration: convolution quadrature at the Laplace points of a time scheme, and a march.
+
+A time scheme with constant steps is a rational function of the shift z = exp(-s dt): written for the generating function
+U(z) = sum_n u_n z^n, the recurrences for displacement, velocity and acceleration give
+
+    (K + d1(z) C + m(z) d2(z) M) U(z) = F(z),
+    d2 = (1 - z)^2 / (dt^2 p),  d1 = (1 - z) (gamma + (1 - gamma) z) / (dt p),  p = beta + (1/2 + gamma - 2 beta) z + (1/2 - gamma + beta) z^2,
+    m = (1 - alpha_m + alpha_m z) / (1 - alpha_f + alpha_f z),
+
+for the trapezoidal rule d1 = 2 (1 - z) / (dt (1 + z)), d2 = d1^2. Solved at the points z_k = rho exp(-2 pi i k / L) of a circle, by
+FFTs scaled with rho^-n this yields the very histories of the time scheme: the bonded response and the causal compliance kernel
+h_n of the contacts. The march over the release forces then closes the small contact problem with h_0 at each step. The points
+are independent of one another, so this is the variant that spreads over many machines.
+
+The circle wraps with an error of rho^L, and its scaling enlarges round-off to eps rho^-N; rho^L = eps^(2/3) with L = 2 N makes them equal.
+All histories are deviations from the state at time 0, which is at rest.
+
+Sources: Lubich, Numer. Math. 52 (1988) 129 and 413; Banjai and Sauter, SIAM J. Numer. Anal. 47 (2008) 227.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.fft
+
+from forms.operators import Operators
+from solvers.contact import ContactProblem
+from solvers.convolution import OnlineConvolution
+from solvers.history import History
+from solvers.newmark import State, balance_acceleration, load_values, tensions
+from solvers.parameters import Scheme
+from solvers.sweep import Transfer, sweep
+
+
+@dataclass(frozen=True)
+class Circle:
+    """The points of the z-plane that a run of `steps` steps of `step` s needs."""
+
+    scheme: Scheme
+    step: float
+    steps: int
+
+    @property
+    def length(self) -> int:
+        """Number of points L on the whole circle, even."""
+        return 2 * int(scipy.fft.next_fast_len(self.steps + 1, real=True))
+
+    @property
+    def radius(self) -> float:
+        """Radius rho."""
+        return float(np.finfo(float).eps ** (2 / (3 * self.length)))
+
+    @property
+    def points(self) -> np.ndarray:
+        """The points (L/2 + 1,) of the half circle; the others are their conjugates."""
+        return self.radius * np.exp(-2j * np.pi * np.arange(self.length // 2 + 1) / self.length)
+
+    def _denominator(self) -> np.ndarray:
+        beta, gamma, z = self.scheme.beta, self.scheme.gamma, self.points
+        return beta + (0.5 + gamma - 2 * beta) * z + (0.5 - gamma + beta) * z**2
+
+    @property
+    def first(self) -> np.ndarray:
+        """d1 (L/2 + 1,) in 1/s."""
+        gamma, z = self.scheme.gamma, self.points
+        return (1 - z) * (gamma + (1 - gamma) * z) / (self.step * self._denominator())
+
+    @property
+    def second(self) -> np.ndarray:
+        """m d2 (L/2 + 1,) in 1/s2."""
+        return self._inertia_weight() * (1 - self.points) ** 2 / (self.step**2 * self._denominator())
+
+    def _inertia_weight(self) -> np.ndarray:
+        s, z = self.scheme, self.points
+        return (1 - s.alpha_m + s.alpha_m * z) / (1 - s.alpha_f + s.alpha_f * z)
+
+    def of_initial_load(self) -> np.ndarray:
+        """Return what multiplies the load f0 at time 0 beside its own transform, (L/2 + 1,)."""
+        s, z = self.scheme, self.points
+        shift = (s.alpha_f - s.alpha_m) / (1 - s.alpha_f + s.alpha_f * z)
+        return shift - self._inertia_weight() * (s.beta * (1 - z) + s.gamma * z) / self._denominator()
+
+    def of_initial_damping(self) -> np.ndarray:
+        """Return what multiplies C a0, with a0 the acceleration at time 0, (L/2 + 1,) in s."""
+        s, z = self.scheme, self.points
+        slope = (s.beta * (1 - z) + s.gamma * z) / self._denominator()
+        return self.step * (s.gamma / (1 - z) - (s.gamma + (1 - s.gamma) * z) / (1 - z) * slope)
+
+    def forward(self, values: np.ndarray) -> np.ndarray:
+        """Return the transform sum_n values_n z^n (L/2 + 1, ...) of values (steps + 1, ...)."""
+        scale = (self.radius ** np.arange(len(values))).reshape(-1, *[1] * (values.ndim - 1))
+        return scipy.fft.rfft(scale * values, self.length, axis=0)
+
+    def inverse(self, transform: np.ndarray) -> np.ndarray:
+        """Return the values (steps + 1, ...) of a transform (L/2 + 1, ...)."""
+        values = scipy.fft.irfft(transform, self.length, axis=0)[: self.steps + 1]
+        return values / (self.radius ** np.arange(self.steps + 1)).reshape(-1, *[1] * (values.ndim - 1))
+
+
+@dataclass(frozen=True)
+class LaplaceRun:
+    """A history and what it cost."""
+
+    history: History
+    points: int
+    factor_seconds: float
+    solve_seconds: float
+    march_seconds: float
+    tries: float
+    """Contact problems tried per step."""
+
+
+def laplace_run(
+    operators: Operators, scheme: Scheme, step: float, steps: int, start: State, *, every: int = 1, exact_uplift: bool = True
+) -> LaplaceRun:
+    """Sweep and march `steps` steps of `step` s from the state of rest `start` (collective).
+
+    Every `every`-th step is archived. Without `exact_uplift` every contact stays bonded. `start` must be the static answer
+    to the static loads, or zero with all of them set upon it at time 0; its velocity is taken as zero.
+    """
+    circle = Circle(scheme, step, steps)
+    times = step * np.arange(steps + 1)
+    values = load_values(operators, times)
+    if start.displacement.norm() > 0:
+        values = values - load_values(operators, np.zeros(1), static_only=True)
+    n_loads, n_channels = len(operators.loads), operators.contacts.law.n_channels
+
+    more = []
+    sudden = bool(np.any(values[0] != 0))
+    if sudden:
+        more.append(_initial_damping(operators, start, values[0], step))
+    transfer = sweep(operators, circle.first, circle.second, more=tuple(more), prefix="laplace_", what="Laplace sweep")
+    for vector in more:
+        vector.destroy()
+
+    begin = time.perf_counter()
+    drive = np.zeros((len(circle.points), transfer.probes.shape[2]), dtype=complex)
+    drive[:, :n_loads] = circle.forward(values)
+    if sudden:
+        drive[:, :n_loads] += circle.of_initial_load()[:, None] * values[0]
+        drive[:, -1] = circle.of_initial_damping()
+    release = np.tile(start.release, (steps + 1, 1))
+    tries = 0.0
+    if exact_uplift and n_channels:
+        release, tries = _march(operators, circle, transfer, drive, start)
+        drive[:, n_loads : n_loads + n_channels] = circle.forward(release - start.release)
+    history = _history(operators, circle, transfer, drive, start, release, every)
+    seconds = time.perf_counter() - begin
+    return LaplaceRun(history, len(circle.points), transfer.factor_seconds, transfer.solve_seconds, seconds, tries)
+
+
+def _initial_damping(operators: Operators, start: State, values: np.ndarray, step: float) -> Any:
+    """Return the vector C a0 with M a0 the load at time 0 (PETSc vector in N s)."""
+    with start.copy() as state:
+        state.displacement.zeroEntries()
+        state.velocity.zeroEntries()
+        state.release = np.zeros_like(state.release)
+        balance_acceleration(operators, state, values, step)
+        vector = operators.new_vector()
+        if operators.damping is not None:
+            operators.damping.mult(state.acceleration, vector)
+    return vector
+
+
+def _march(
+    operators: Operators, circle: Circle, transfer: Transfer, drive: np.ndarray, start: State
+) -> tuple[np.ndarray, float]:
+    """Return the release forces (steps + 1, n_channels) N and the number of contact problems tried per step."""
+    law = operators.contacts.law
+    n_loads, n_channels = len(operators.loads), law.n_channels
+    linear = law.tension(circle.inverse(np.einsum("fcj,fj->fc", transfer.elongation, drive))) + tensions(operators, start.displacement)
+    kernel = law.stiffness[:, None] * circle.inverse(transfer.elongation[:, :, n_loads : n_loads + n_channels])
+    problem = ContactProblem(law, kernel[0])
+    release = np.tile(start.release, (circle.steps + 1, 1))
+    scale = float(np.max(np.abs(linear)))
+
+    def step(n: int, past: np.ndarray) -> np.ndarray:
+        if n > 0:
+            tension = linear[n] + past - kernel[0] @ start.release
+            release[n] = problem.solve(tension, release[n - 1], scale)
+        return release[n] - start.release
+
+    OnlineConvolution(kernel).run(step)
+    return release, problem.tries / max(problem.solved, 1)
+
+
+def _history(
+    operators: Operators, circle: Circle, transfer: Transfer, drive: np.ndarray, start: State, release: np.ndarray, every: int
+) -> History:
+    here = np.real(start.displacement.array_r)
+    observed = [operators.probes, operators.contacts.elongation]
+    parts = [transfer.probes, transfer.elongation]
+    if operators.reactions is not None:
+        observed.append(operators.reactions.functionals)
+        parts.append(transfer.resultants)
+    values = [
+        (functionals.total(functionals.partial(here)) + circle.inverse(np.einsum("foj,fj->fo", part, drive)))[::every]
+        for functionals, part in zip(observed, parts, strict=True)
+    ]
+    archived = release[::every]
+    probes, elongation = values[:2]
+    reactions = operators.reactions.values(values[2], archived) if operators.reactions is not None else np.zeros((len(archived), 0))
+    peak = int(np.argmax(np.max(np.abs(probes), axis=1))) if probes.size else 0
+    field = None
+    if transfer.fields is not None:
+        n, k = peak * every, np.arange(len(circle.points))
+        weight = np.where((k == 0) | (2 * k == circle.length), 1.0, 2.0) / circle.length / circle.radius**n
+        weight = weight * np.exp(2j * np.pi * (k * n % circle.length) / circle.length)
+        field = here + np.real(np.einsum("fj,fjn->n", weight[:, None] * drive, transfer.fields))
+    times = circle.step * np.arange(0, circle.steps + 1, every)
+    return History(times, probes, elongation, archived, reactions, peak, field)

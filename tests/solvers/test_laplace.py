@@ -1,0 +1,93 @@
+"""Convolution quadrature against the time stepping whose answer it must be."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from drivers.analysis import prepare
+from forms.signals import Constant, Ricker
+from solvers.laplace import Circle, laplace_run
+from solvers.newmark import Newmark, at_rest, static_state, transient
+from solvers.parameters import Scheme, generalised_alpha, hilber_hughes_taylor
+from tests import bouncing, oscillator
+from tests.small import dense_operators
+
+pytestmark = pytest.mark.complex
+SCHEMES = [Scheme(), Scheme(0.3025, 0.6), hilber_hughes_taylor(0.2), generalised_alpha(0.4)]
+
+
+@pytest.mark.serial
+def test_transform_and_its_inverse():
+    circle = Circle(Scheme(), 0.1, 37)
+    values = np.random.default_rng(9).normal(size=(38, 2))
+    here = circle.forward(values)
+    assert here[3] == pytest.approx(circle.points[3] ** np.arange(38) @ values, abs=1e-12)
+    # rho^-n enlarges round-off to eps^(2/3).
+    assert circle.inverse(here) == pytest.approx(values, abs=1e-10)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("scheme", SCHEMES)
+@pytest.mark.parametrize("history", [Ricker(2.0, 1.0, 1.5), Constant(1.0)])
+def test_linear_answer_equals_time_stepping(scheme, history):
+    """Also for a load that is there at once, which gives the start an acceleration."""
+    loads = [(oscillator.FORCE, history, False)]
+    with dense_operators(oscillator.STIFFNESS, oscillator.MASS, oscillator.DAMPING, loads) as operators, at_rest(operators) as start:
+        with Newmark(operators, scheme, 0.02) as method:
+            stepped = transient(method, start, 400, every=2)
+        run = laplace_run(operators, scheme, 0.02, 400, start, every=2)
+    assert run.history.times == pytest.approx(stepped.times)
+    assert np.max(np.abs(run.history.probes - stepped.probes)) < 1e-9 * np.max(np.abs(stepped.probes))
+    assert run.history.peak == stepped.peak
+    assert run.history.peak_field == pytest.approx(stepped.peak_field, rel=1e-8)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_bouncing_mass(scheme):
+    """Dropped onto its spring from where that is unstrained."""
+    with bouncing.operators() as operators, at_rest(operators) as start:
+        operators.loads[0] = replace(operators.loads[0], static=False, history=Ricker(3.0, 2.0, 0.4))
+        with Newmark(operators, scheme, 2e-3, exact_uplift=True) as method:
+            stepped = transient(method, start, 1000)
+        run = laplace_run(operators, scheme, 2e-3, 1000, start)
+    assert np.max(stepped.release) > 0
+    assert np.max(np.abs(run.history.probes - stepped.probes)) < 1e-8 * np.max(np.abs(stepped.probes))
+
+
+def both(scene, comm, step=0.005, steps=600, scheme=None):
+    scheme = scheme or Scheme()
+    with prepare(scene, comm) as plant, static_state(plant.operators, exact_uplift=True) as start:
+        with Newmark(plant.operators, scheme, step, exact_uplift=True) as method:
+            stepped = transient(method, start, steps)
+        run = laplace_run(plant.operators, scheme, step, steps, start)
+    return stepped, run.history
+
+
+CHANGES = {
+    "reference": {},
+    "gap": {"supports": {"gap": 0.005}},
+    "soft supports": {"supports": {"stiffness": (1e15, 1e7)}},
+    "stiff supports": {"supports": {"stiffness": (1e15, 1e9)}},
+    "undamped": {"material": {"alpha": 0.0, "beta": 0.0}},
+    "soft plate": {"material": {"young": 1.4e7}},
+    "no gravity": {"gravity": 0.0},
+    "released sideways": {"supports": {"sideways": "released", "contact": (1e10, 1e15)}},
+}
+
+
+@pytest.mark.parametrize("name", CHANGES)
+def test_sweep_and_march_equal_time_stepping_on_plates(sdls119a, comm, name):
+    model = sdls119a.model
+    for key, change in CHANGES[name].items():
+        if key == "supports":
+            change = (replace(model.supports[0], **change),)
+        elif key == "material":
+            change = replace(model.material, **change)
+        model = replace(model, **{key: change})
+    stepped, here = both(replace(sdls119a, model=model), comm)
+    assert np.max(stepped.release) > 0
+    scale = np.max(np.abs(stepped.probes))
+    assert np.max(np.abs(here.probes - stepped.probes)) < 1e-8 * scale
+    assert np.max(np.abs(here.reactions - stepped.reactions)) < 1e-7 * np.max(np.abs(stepped.reactions))
