@@ -11,15 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from drivers.runtime import form_compiler, require_scalars
+from drivers.runtime import form_compiler
 from drivers.scene import Scene
 from forms.model import AssembledPlate, assemble_plate, compile_plate
 from forms.operators import Operators
 from meshes.tagged import TaggedMesh, build_plate
 from solvers.history import History
-from solvers.newmark import Newmark, State, at_rest, settled_state, static_state, transient
-from solvers.parameters import Scheme
-from solvers.passes import Passes, published_passes
+from solvers.passes import Passes
 
 log = logging.getLogger(__name__)
 
@@ -42,6 +40,15 @@ class Clock:
     def add(self, name: str, seconds: float) -> None:
         """Add `seconds` to the phase."""
         self.seconds[name] = self.seconds.get(name, 0.0) + seconds
+
+    @contextmanager
+    def remainder(self, name: str) -> Iterator[None]:
+        """Add the time spent in the block to the phase, less what the block itself adds to other phases."""
+        begin, before = time.perf_counter(), sum(self.seconds.values())
+        try:
+            yield
+        finally:
+            self.add(name, time.perf_counter() - begin - (sum(self.seconds.values()) - before))
 
     def line(self) -> str:
         """Return all phases on one line."""
@@ -68,7 +75,7 @@ class Plant:
 
     def __exit__(self, *args: object) -> None:
         """Free the operators."""
-        self.operators.__exit__(*args)
+        self.assembled.__exit__(*args)
 
 
 @dataclass
@@ -77,13 +84,26 @@ class Analysis:
 
     method: str
     passes: Passes
+    exact: bool
+    """Whether uplift was solved exactly; else the history is the last of the published passes."""
     transform_check: float | None = None
     """Largest difference in m between two independent inverse transforms of the probes' spectra."""
+    tries: float | None = None
+    """Contact problems tried per step, where uplift was solved exactly."""
+    lifted: np.ndarray | None = None
+    """(nt,) share of the plate's area whose nodes have risen, in percent; nan where it was not asked for."""
+    notes: dict[str, Any] = field(default_factory=dict)
+    """Further facts for the summary."""
 
     @property
     def final(self) -> History:
         """The history of the last pass."""
-        return self.passes.histories[-1]
+        return self.passes.final
+
+    @property
+    def failed(self) -> bool:
+        """Whether the iteration did not come to its end."""
+        return self.passes.ended in ("diverged", "not converged")
 
 
 def prepare(scene: Scene, comm: Any) -> Plant:
@@ -96,58 +116,3 @@ def prepare(scene: Scene, comm: Any) -> Plant:
     with clock.phase("assembly"):
         assembled = assemble_plate(compiled, scene.model)
     return Plant(scene, tagged, assembled, clock)
-
-
-def analyse(plant: Plant, method: str, iterations: int) -> Analysis:
-    """Run `iterations` passes of `method` (collective)."""
-    run = {"transient": _transient, "time-frequency": _time_frequency}[method]
-    analysis = run(plant, iterations)
-    log.info("%s: %d dofs, %d passes", method, plant.operators.n, iterations)
-    return analysis
-
-
-def _start_state(plant: Plant) -> State:
-    settings = plant.scene.transient
-    assert settings is not None
-    if settings.start == "rest":
-        return at_rest(plant.operators)
-    if settings.start == "static":
-        return static_state(plant.operators)
-    settling = settings.settling
-    return settled_state(plant.operators, Scheme(settling.beta, settling.gamma), settling.step, settling.steps)
-
-
-def _transient(plant: Plant, iterations: int) -> Analysis:
-    settings = plant.scene.transient
-    assert settings is not None
-    begin = time.perf_counter()
-    with _start_state(plant) as start, Newmark(plant.operators, settings.scheme, settings.step) as method:
-
-        def solve(release: np.ndarray | None) -> History:
-            return transient(method, start, settings.steps, every=settings.every, release=release)
-
-        passes = published_passes(solve, plant.operators.contacts.law, iterations)
-        factorisation = method.solver.factor_seconds
-    plant.clock.add("factorisation", factorisation)
-    plant.clock.add("solution", time.perf_counter() - begin - factorisation)
-    return Analysis("transient", passes)
-
-
-def _time_frequency(plant: Plant, iterations: int) -> Analysis:
-    from solvers import fourier
-    from solvers.harmonic import FourierResponse, sweep
-
-    require_scalars("complex")
-    window = plant.scene.fourier
-    assert window is not None
-    begin = time.perf_counter()
-    transfer = sweep(plant.operators, 2 * np.pi * window.frequencies)
-    response = FourierResponse(plant.operators, window, transfer)
-    passes = published_passes(response.history, plant.operators.contacts.law, iterations)
-    last = passes.histories[-1]
-    release = plant.operators.contacts.law.release(passes.histories[-2].elongation) if iterations > 1 else None
-    again = fourier.inverse_by_sum(response.probe_spectrum(release), window.samples)
-    check = float(np.max(np.abs(again - last.probes), initial=0.0))
-    plant.clock.add("factorisation", transfer.factor_seconds)
-    plant.clock.add("solution", time.perf_counter() - begin - transfer.factor_seconds)
-    return Analysis("time-frequency", passes, check)

@@ -6,12 +6,21 @@ import argparse
 import sys
 import time
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from drivers import runtime
+from drivers.request import METHODS, Request
 from meshes.checked import ModelError
+from solvers.errors import SolverError
 
-METHODS = ("transient", "time-frequency")
+if TYPE_CHECKING:
+    from drivers.scene import Scene
+    from solvers.passes import Passes
+
 BAD_INPUT, FAILED = 2, 1
+
+MANY = 500
+"""Published passes at most, where only a tolerance is given."""
 
 
 def main(arguments: list[str]) -> int:
@@ -25,6 +34,9 @@ def main(arguments: list[str]) -> int:
         where = getattr(options, "scene", None)
         _complain(f"{where}: {error}" if where and not error.key.startswith("--") else str(error))
         return BAD_INPUT
+    except SolverError as error:
+        _complain(f"{getattr(options, 'scene', options.command.__name__)}: {error}")
+        return FAILED
     except KeyboardInterrupt:
         _complain("interrupted; nothing was written")
         return 130
@@ -43,9 +55,12 @@ def _parser() -> argparse.ArgumentParser:
 
     run = commands.add_parser("run", help="analyse a scene", description="Analyse a scene and write its results into a folder.")
     run.add_argument("scene", type=Path, metavar="SCENE.toml", help="the scene file")
-    run.add_argument("--method", choices=METHODS, default="transient", help="default: %(default)s")
-    run.add_argument("--iterations", type=_at_least_one, default=2, metavar="N",
-                     help="passes over the contact forces; 1 is the linear answer, every contact bonded (default: %(default)s)")
+    run.add_argument("--method", choices=METHODS, help="default: what the scene says, else transient")
+    run.add_argument("--iterations", type=_passes, metavar="N",
+                     help="published passes over the contact forces, for comparison with the source; 1 is the linear answer, every contact "
+                          "bonded; 'exact' overrules the scene. Default: what the scene says, else uplift is solved exactly")
+    run.add_argument("--tolerance", type=_positive, metavar="TOL",
+                     help=f"end the published passes when change and law are met to TOL; exit code 1 if N passes (default {MANY}) do not do")
     run.add_argument("--out", type=Path, metavar="DIR", help="folder of the results (default: results/SCENE/METHOD)")
     run.add_argument("--no-plots", action="store_true", help="draw no pictures")
     run.add_argument("--quiet", action="store_true", help="print errors only")
@@ -66,35 +81,80 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _at_least_one(text: str) -> int:
-    number = int(text)
+def _passes(text: str) -> int:
+    """Return the number of passes, 0 for exact uplift."""
+    if text == "exact":
+        return 0
+    try:
+        number = int(text)
+    except ValueError:
+        number = 0
     if number < 1:
-        raise argparse.ArgumentTypeError(f"expected at least 1, got {number}")
+        raise argparse.ArgumentTypeError(f"expected a whole number >= 1 or 'exact', got {text!r}")
     return number
+
+
+def _positive(text: str) -> float:
+    try:
+        number = float(text)
+    except ValueError:
+        number = 0.0
+    if not 0 < number < 1:
+        raise argparse.ArgumentTypeError(f"expected a number between 0 and 1, got {text!r}")
+    return number
+
+
+def _request(options: argparse.Namespace, scene: Scene) -> Request:
+    passes = options.iterations if options.iterations is not None else scene.run.iterations
+    if options.tolerance is not None and not passes:
+        if options.iterations == 0:
+            raise ModelError("--tolerance", "ends the published passes; exact uplift needs none")
+        passes = MANY
+    request = Request(options.method or scene.run.method, passes or None, options.tolerance)
+    request.check(scene)
+    return request
 
 
 def _run(options: argparse.Namespace, begin: float) -> int:
     from drivers.output import writable_folder
-    from drivers.scene import read_scene, required_section
+    from drivers.scene import read_scene
 
     scene = read_scene(options.scene)
-    required_section(scene, options.method)
-    runtime.choose_scalars("complex" if options.method == "time-frequency" else "real")
-    out = options.out or Path("results") / options.scene.stem / options.method
+    request = _request(options, scene)
+    runtime.choose_scalars(request.scalars)
+    out = options.out or Path("results") / options.scene.stem / request.method
     if runtime.launch_rank() == 0:
         writable_folder(out)
     with runtime.parallel() as comm:
-        from drivers.analysis import analyse, prepare
-        from drivers.report import write_run
+        from drivers.analysis import prepare
+        from drivers.methods import analyse
+        from drivers.report import printed_values, write_run
 
         start_up = time.perf_counter() - begin
         with prepare(scene, comm) as plant:
             plant.clock.add("start-up", start_up)
-            analysis = analyse(plant, options.method, options.iterations)
+            analysis = analyse(plant, request)
             write_run(plant, analysis, out, plots=not options.no_plots)
             if not options.quiet:
+                for line in printed_values(plant, analysis):
+                    runtime.say(line)
                 runtime.say(f"seconds: {plant.clock.line()}\nfiles in {out}")
+            if analysis.failed:
+                _complain(_failure(analysis.passes, options.scene))
+                return FAILED
     return 0
+
+
+def _failure(passes: Passes, scene: Path) -> str:
+    change = f"{passes.change[-1]:.1e}" if passes.change else "unknown"
+    if passes.ended == "diverged":
+        what = f"the published passes diverge after pass {passes.number}"
+    else:
+        what = f"the published passes have not converged in {passes.number} passes"
+    return (
+        f"{scene}: {what} (change of the displacements {change}, tension left {passes.pull[-1]:.1e} of the largest compression); "
+        "the files hold the last pass; leave out --iterations and --tolerance to have uplift solved exactly"
+    )
 
 
 def _verify(options: argparse.Namespace, begin: float) -> int:
@@ -102,7 +162,7 @@ def _verify(options: argparse.Namespace, begin: float) -> int:
 
     runtime.choose_scalars("complex")  # the sweep needs complex numbers, and time stepping does as well in them
     if runtime.launch_rank() == 0:
-        for method in METHODS:
+        for method in ("transient", "time-frequency"):
             writable_folder(options.out / method)
     with runtime.parallel() as comm:
         from drivers.verify import verify

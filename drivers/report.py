@@ -11,6 +11,12 @@ from drivers.analysis import Analysis, Plant
 from drivers.output import all_or_nothing, versions, write_history, write_summary
 from meshes.gather import WholeMesh, gather_mesh, gather_nodal
 
+REACTIONS = ("base shear [N]", "vertical reaction [N]", "overturning moment [N m]")
+OPEN = "open contacts [%]"
+
+FEW_INSTANTS = 5
+"""So few values of the lifted share are printed, not drawn."""
+
 
 def write_run(plant: Plant, analysis: Analysis, folder: Path, *, plots: bool) -> None:
     """Write the files of a run into `folder`, on rank 0 (collective)."""
@@ -23,29 +29,89 @@ def write_run(plant: Plant, analysis: Analysis, folder: Path, *, plots: bool) ->
             displacement = gather_nodal(plant.tagged, plant.assembled.space, nodal)
     if plant.operators.comm.rank != 0:
         return
-    names = plant.operators.probes.names
-    title = f"{plant.scene.title or 'Uplift'}\n{analysis.method}, {len(analysis.passes.histories)} passes"
     with all_or_nothing(folder) as staging:
         with plant.clock.phase("output"):
-            write_history(staging / "history.csv", history.times, names, history.probes)
+            for name, columns in tables(plant, analysis).items():
+                write_history(staging / f"{name}.csv", history.times, tuple(columns), np.column_stack(list(columns.values())))
             if mesh is not None and displacement is not None:
                 _write_deformed(staging / "deformed.vtu", mesh, displacement)
             if plots:
-                _draw(plant, analysis, staging, mesh, displacement, title)
+                _draw(plant, analysis, staging, mesh, displacement)
         write_summary(staging / "summary.json", _summary(plant, analysis))
 
 
-def _draw(
-    plant: Plant, analysis: Analysis, folder: Path, mesh: WholeMesh | None, displacement: np.ndarray | None, title: str
-) -> None:
+def tables(plant: Plant, analysis: Analysis) -> dict[str, dict[str, np.ndarray]]:
+    """Return what is recorded in time: table -> column -> values (nt,) of the last pass."""
+    history, contacts = analysis.final, plant.operators.contacts
+    columns = {name: history.probes[:, i] for i, name in enumerate(plant.operators.probes.names)}
+    if analysis.lifted is not None:
+        columns["uplift [%]"] = analysis.lifted
+    result = {"history": columns}
+    if contacts.names:
+        force = contacts.law.compression(contacts.law.tension(history.elongation), history.release)
+        gap = contacts.law.gap(history.release)
+        result["contacts"] = {f"{name} force [N]": force[:, i] for i, name in enumerate(contacts.names)} | {
+            f"{name} gap [m]": gap[:, i] for i, name in enumerate(contacts.names)
+        }
+    if history.reactions.shape[1]:
+        result["reactions"] = {name: history.reactions[:, i] for i, name in enumerate(REACTIONS)}
+        if contacts.names:
+            lifted = history.release[:, : contacts.law.n_contacts] > 0
+            result["reactions"][OPEN] = 100.0 * lifted.mean(axis=1)
+    if history.ledger is not None:
+        ledger = history.ledger
+        stored = {"kinetic [J]": ledger.kinetic, "strain [J]": ledger.strain, "springs [J]": ledger.springs}
+        moved = {"damped [J]": ledger.damped, "work of loads [J]": ledger.work, "numerical [J]": ledger.numerical}
+        result["energy"] = stored | moved
+    return result
+
+
+def printed_values(plant: Plant, analysis: Analysis) -> list[str]:
+    """Return the lines of the table of probes at the instants that the scene asks for, pass by pass."""
+    output, names, passes = plant.scene.output, plant.operators.probes.names, analysis.passes
+    if not output.instants:
+        return []
+    lines = [f"{'pass':>6}{'t [s]':>10}" + "".join(f"{name + ' [m]':>24}" for name in names)]
+    if analysis.lifted is not None:
+        lines[0] += f"{'uplift [%]':>14}"
+    for index, history in enumerate(passes.histories):
+        last = index == len(passes.histories) - 1
+        number = passes.number if last else index + 1
+        if index > 0 and not last and len(passes.histories) < passes.number:
+            number = passes.number - 1
+        for instant in output.instants:
+            row = int(np.argmin(np.abs(history.times - instant)))
+            if abs(history.times[row] - instant) > 1e-6 * max(history.times[1] - history.times[0], 1e-12):
+                continue
+            line = f"{'exact' if analysis.exact else number:>6}{instant:>10.4g}" + "".join(f"{v:>24.15e}" for v in history.probes[row])
+            if analysis.lifted is not None and last:
+                line += f"{analysis.lifted[row]:>14.4f}"
+            lines.append(line)
+    return lines
+
+
+def _draw(plant: Plant, analysis: Analysis, folder: Path, mesh: WholeMesh | None, displacement: np.ndarray | None) -> None:
     from drivers import plots
 
-    history = analysis.final
-    names = plant.operators.probes.names
-    plots.draw_history(folder / "history.png", history.times, names, [h.probes for h in analysis.passes.histories], title)
+    history, recorded, passes = analysis.final, tables(plant, analysis), analysis.passes
+    how = "uplift exact at every step" if analysis.exact else f"{passes.number} published passes"
+    title = f"{plant.scene.title or 'Uplift'}\n{analysis.method}, {how}"
+    first = passes.histories[0].probes if passes.number > 1 else None
+    plots.draw_history(folder / "history.png", history.times, plant.operators.probes.names, history.probes, first, title)
+    contacts = plant.operators.contacts
+    if "contacts" in recorded:
+        n = len(contacts.names)
+        columns = list(recorded["contacts"].values())
+        plots.draw_contacts(folder / "contacts.png", history.times, contacts.names, np.stack(columns[:n]), np.stack(columns[n:]), title)
+    for name, drawn in (("reactions", plots.draw_reactions), ("energy", plots.draw_energy)):
+        if name in recorded:
+            drawn(folder / f"{name}.png", history.times, recorded[name], title)
+    if analysis.lifted is not None and np.sum(np.isfinite(analysis.lifted)) > FEW_INSTANTS:
+        plots.draw_uplift(folder / "uplift.png", history.times, analysis.lifted, title)
     if mesh is not None and displacement is not None:
-        contacts = plant.operators.contacts
-        lifted = contacts.law.tension(history.elongation[history.peak]) > 0
+        lifted = history.release[history.peak, : len(contacts.names)] > 0
+        if not analysis.exact:
+            lifted = contacts.law.tension(history.elongation[history.peak])[: len(contacts.names)] > 0
         when = f"{title}, t = {history.times[history.peak]:g} s"
         plots.draw_deformed(folder / "deformed.png", mesh, displacement, contacts.points, lifted, when)
 
@@ -59,28 +125,43 @@ def _write_deformed(path: Path, mesh: WholeMesh, displacement: np.ndarray) -> No
 
 
 def _summary(plant: Plant, analysis: Analysis) -> dict[str, Any]:
-    scene, history, names = plant.scene, analysis.final, plant.operators.probes.names
-    extremes = {}
-    for column, name in enumerate(names):
-        values = history.probes[:, column]
-        low, high = int(np.argmin(values)), int(np.argmax(values))
-        extremes[name] = {
-            "min": float(values[low]), "t_min": float(history.times[low]),
-            "max": float(values[high]), "t_max": float(history.times[high]), "unit": "m",
-        }
+    scene, history, passes = plant.scene, analysis.final, analysis.passes
+    extremes = {
+        table: {name: _extremes(history.times, values) for name, values in columns.items()}
+        for table, columns in tables(plant, analysis).items()
+    }
     return {
         "title": scene.title,
         "method": analysis.method,
-        "iterations": len(analysis.passes.histories),
+        "uplift": "exact" if analysis.exact else "published passes",
+        "iterations": 0 if analysis.exact else passes.number,
+        "iteration_ended": passes.ended,
+        "iteration_norms": {"displacement_change": passes.change, "tension_left": [] if analysis.exact else passes.pull},
+        "contact_problems_per_step": analysis.tries,
+        "inverse_transform_check_m": analysis.transform_check,
         "scene": scene.source,
         "dofs": plant.operators.n,
         "mass_kg": plant.assembled.total_mass,
         "contacts": len(plant.operators.contacts.names),
         "ranks": plant.operators.comm.size,
-        "iteration_norms": {"displacement_change": analysis.passes.change, "tension_left": analysis.passes.pull},
-        "inverse_transform_check_m": analysis.transform_check,
+        **analysis.notes,
         "extremes": extremes,
-        "peak_time_s": float(history.times[history.peak]),
+        "peak_time_s": _instant(history.times[history.peak]),
         "seconds": plant.clock.seconds,
         "versions": versions(),
+    }
+
+
+def _instant(time: float) -> float:
+    return round(float(time), 12)
+
+
+def _extremes(times: np.ndarray, values: np.ndarray) -> dict[str, float]:
+    """Return the smallest and the largest of the values and their instants in s."""
+    known = np.flatnonzero(np.isfinite(values))
+    if not known.size:
+        return {}
+    low, high = known[np.argmin(values[known])], known[np.argmax(values[known])]
+    return {
+        "min": float(values[low]), "t_min": _instant(times[low]), "max": float(values[high]), "t_max": _instant(times[high]),
     }

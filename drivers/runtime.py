@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from meshes.checked import ModelError
+from solvers.errors import SolverError
 
 Scalars = Literal["real", "complex"]
 
@@ -50,10 +51,14 @@ def require_scalars(scalars: Scalars) -> None:
 
 def launch_rank() -> int:
     """Return this process's rank as the MPI launcher gave it, before MPI is initialised (0 without a launcher)."""
+    return _rank_of_launcher() or 0
+
+
+def _rank_of_launcher() -> int | None:
     for name in ("OMPI_COMM_WORLD_RANK", "PMI_RANK", "PMIX_RANK", "SLURM_PROCID"):
         if os.environ.get(name, "").isdigit():
             return int(os.environ[name])
-    return 0
+    return None
 
 
 def configure_log(*, quiet: bool) -> None:
@@ -68,21 +73,45 @@ def configure_log(*, quiet: bool) -> None:
 
 
 @contextmanager
+def _temporary_folder() -> Iterator[None]:
+    """Keep temporary files in a folder of this process alone, which is gone after the block.
+
+    Open MPI without a launcher leaves its session folder behind, so this comes before MPI is initialised. A launcher
+    cleans up after its processes, and may end them at any moment.
+    """
+    if _rank_of_launcher() is not None:
+        yield
+        return
+    variable, default = os.environ.get("TMPDIR"), tempfile.tempdir
+    with tempfile.TemporaryDirectory(prefix="uplift-", ignore_cleanup_errors=True) as folder:
+        os.environ["TMPDIR"] = tempfile.tempdir = folder
+        try:
+            yield
+        finally:
+            tempfile.tempdir = default
+            if variable is None:
+                del os.environ["TMPDIR"]
+            else:
+                os.environ["TMPDIR"] = variable
+
+
+@contextmanager
 def parallel() -> Iterator[Any]:
     """Give the world communicator; an error that only some ranks meet ends all of them, with one message."""
-    from mpi4py import MPI
+    with _temporary_folder():
+        from mpi4py import MPI
 
-    comm = MPI.COMM_WORLD
-    try:
-        yield comm
-    except ModelError:
-        raise  # found by all ranks together
-    except BaseException as error:
-        if comm.size == 1:
-            raise
-        if not isinstance(error, KeyboardInterrupt):
-            print(f"uplift: rank {comm.rank}: {type(error).__name__}: {error}", file=sys.stderr, flush=True)
-        comm.Abort(1)
+        comm = MPI.COMM_WORLD
+        try:
+            yield comm
+        except (ModelError, SolverError):
+            raise  # found by all ranks together
+        except BaseException as error:
+            if comm.size == 1:
+                raise
+            if not isinstance(error, KeyboardInterrupt):
+                print(f"uplift: rank {comm.rank}: {type(error).__name__}: {error}", file=sys.stderr, flush=True)
+            comm.Abort(1)
 
 
 def form_compiler(comm: Any) -> Callable[[Any], Any]:

@@ -5,9 +5,12 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import tomllib
+import types
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, get_type_hints
+from typing import Any, get_args, get_type_hints
+
+import numpy as np
 
 from forms.material import Material
 from forms.parameters import GroundMotion, PlateModel, Probe
@@ -15,7 +18,7 @@ from forms.signals import Ricker, Signal, read_accelerogram, tabulate
 from forms.supports import AXES, Spring, Support
 from meshes.checked import Checked, ModelError, quantity
 from meshes.plate import EDGES, Plate
-from solvers.parameters import Scheme, Window
+from solvers.parameters import Scheme, Window, generalised_alpha, hilber_hughes_taylor
 
 Point = tuple[float, float]
 
@@ -41,14 +44,25 @@ class Transient(Checked):
     step: float = quantity("time step", "s", above=0.0)
     duration: float = quantity("end of the analysis", "s", above=0.0)
     every: int = quantity("archive every so many steps", default=1, at_least=1)
+    method: str = quantity(
+        "time integration", default="newmark", one_of=("newmark", "hht", "generalised-alpha")
+    )
     beta: float = quantity("Newmark's beta", default=0.25)
     gamma: float = quantity("Newmark's gamma", default=0.5)
+    alpha: float = quantity("dissipation of the method hht", default=0.05, at_least=0.0, at_most=1 / 3)
+    rho_infinity: float = quantity(
+        "spectral radius at high frequency of generalised-alpha; 1: no dissipation", default=0.8, at_least=0.0, at_most=1.0
+    )
     start: str = quantity("state at time 0", default="static", one_of=("static", "settled", "rest"))
     settling: Settling = quantity("steps before time 0 for start = 'settled'", factory=Settling)
 
     def check(self) -> None:
         """The scheme is admissible and the archive ends with the last step."""
+        if self.method != "newmark" and (self.beta, self.gamma) != (0.25, 0.5):
+            raise ModelError("beta", f"beta and gamma belong to the method newmark; {self.method} sets its own")
         Scheme(self.beta, self.gamma)
+        if self.duration / self.step > 1e8:
+            raise ModelError("step", f"expected at most 1e8 steps, got {self.duration / self.step:.3g}")
         if abs(self.steps * self.step - self.duration) > 1e-9 * self.duration:
             raise ModelError("duration", f"expected a multiple of the step {self.step:g} s, got {self.duration:g} s")
         if self.steps % self.every:
@@ -62,7 +76,68 @@ class Transient(Checked):
     @property
     def scheme(self) -> Scheme:
         """Parameters of the scheme."""
+        if self.method == "hht":
+            return hilber_hughes_taylor(self.alpha)
+        if self.method == "generalised-alpha":
+            return generalised_alpha(self.rho_infinity)
         return Scheme(self.beta, self.gamma)
+
+    @property
+    def archived(self) -> np.ndarray:
+        """Archived instants (n_archived,) s."""
+        return self.step * np.arange(0, self.steps + 1, self.every)
+
+
+@dataclass(frozen=True)
+class Modal(Checked):
+    """The basis of the modal method."""
+
+    number: int | None = quantity("number of the lowest modes", default=None, at_least=1)
+    low: float | None = quantity("lower end of the band of frequencies, instead of a number", "Hz", default=None, at_least=0.0)
+    high: float | None = quantity("upper end of the band", "Hz", default=None, above=0.0)
+    shift: float = quantity("where the search begins; below zero for a structure that can move without strain", "rad2/s2",
+                            default=0.0, at_most=0.0)
+    diagonal: bool = quantity("keep only the diagonals of the projected matrices", default=False)
+    static_correction: bool = quantity("add the static answers to the loads and to unit contact forces", default=True)
+
+    def check(self) -> None:
+        """Either a number or a band."""
+        if (self.number is None) == (self.high is None):
+            raise ModelError("number", "expected either a number of modes or a band from low to high")
+        if self.high is not None and not (self.low or 0.0) < self.high:
+            raise ModelError("high", f"expected > low = {self.low:g} Hz, got {self.high:g} Hz")
+
+    @property
+    def band(self) -> tuple[float, float] | None:
+        """The band (low, high) in Hz, or None."""
+        return None if self.high is None else (self.low or 0.0, self.high)
+
+
+@dataclass(frozen=True)
+class Output(Checked):
+    """What is reported beside the histories."""
+
+    instants: tuple[float, ...] = quantity("instants whose values are printed", "s", default=())
+    uplift: str = quantity(
+        "when the lifted share of the plate's area is recorded", default="instants", one_of=("instants", "all", "none")
+    )
+
+    def uplift_rows(self, times: np.ndarray) -> np.ndarray:
+        """Return which of the archived instants (nt,) the lifted share is recorded at, (nt,) bool."""
+        if self.uplift == "none":
+            return np.zeros(len(times), dtype=bool)
+        if self.uplift == "all":
+            return np.ones(len(times), dtype=bool)
+        tolerance = 1e-6 * (times[1] - times[0]) if len(times) > 1 else 1e-12
+        return np.any(np.abs(times[:, None] - np.asarray(self.instants)[None, :]) <= tolerance, axis=1)
+
+
+@dataclass(frozen=True)
+class Run(Checked):
+    """How the scene is analysed where the command line does not say it."""
+
+    method: str = quantity("method of analysis", default="transient", one_of=("transient", "time-frequency", "modal"))
+    iterations: int = quantity("published passes; 0: uplift is solved exactly", default=0, at_least=0)
 
 
 @dataclass(frozen=True)
@@ -74,6 +149,9 @@ class Scene:
     model: PlateModel
     transient: Transient | None
     fourier: Window | None
+    modal: Modal | None
+    output: Output
+    run: Run
     source: dict[str, Any]
     """The TOML as read, for the record."""
 
@@ -106,6 +184,9 @@ def build_scene(table: dict[str, Any], folder: Path) -> Scene:
     acceleration = 0.0 if gravity is None else _only_number(_Table(gravity, "gravity"), "acceleration")
     transient = scene.section("transient", Transient, optional=True)
     fourier = scene.section("fourier", Window, optional=True)
+    modal = scene.section("modal", Modal, optional=True)
+    run = scene.section("run", Run, optional=True) or Run()
+    output = _output(scene)
     horizon = max(transient.duration if transient else 0.0, fourier.length if fourier else 0.0)
     motions = tuple(_motion(entry, horizon, folder) for entry in scene.entries("load"))
     supports = tuple(_support(entry, plate) for entry in scene.entries("supports"))
@@ -122,14 +203,7 @@ def build_scene(table: dict[str, Any], folder: Path) -> Scene:
     if transient is None and fourier is None:
         raise ModelError("transient", "expected a section [transient] or [fourier] that says how to analyse the scene")
     model = PlateModel(material, supports, springs, probes, acceleration, motions)
-    return Scene(title, plate, model, transient, fourier, table)
-
-
-def required_section(scene: Scene, method: str) -> None:
-    """Raise `ModelError` if the scene does not say how `method` is to run."""
-    section = {"transient": "transient", "time-frequency": "fourier"}[method]
-    if getattr(scene, section) is None:
-        raise ModelError(section, f"missing; the method {method} needs the section [{section}]")
+    return Scene(title, plate, model, transient, fourier, modal, output, run, table)
 
 
 class _Table:
@@ -215,6 +289,9 @@ def _convert(value: Any, kind: Any, key: str) -> Any:
             return float(value)
         except OverflowError:
             raise ModelError(key, "expected a number that a double can hold") from None
+    if isinstance(kind, types.UnionType):  # a number or nothing: what stands in the file is the number
+        kind = next(option for option in get_args(kind) if option is not type(None))
+        return _convert(value, kind, key)
     if not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool):
         raise ModelError(key, f"expected {_in_words(kind)}, got {value!r:.60}")
     return value
@@ -298,6 +375,20 @@ def _probe(table: _Table, plate: Plate) -> Probe:
     point = _one_point(table.take("point", object), plate, table.key("point"))
     table.finish()
     return Probe(name, point)
+
+
+def _output(scene: _Table) -> Output:
+    given = scene.take("output", dict, default=None)
+    if given is None:
+        return Output()
+    table = _Table(given, "output")
+    instants = tuple(_convert(t, float, table.key("instants")) for t in table.take("instants", list, default=[]))
+    for instant in instants:
+        if not 0 <= instant < float("inf"):
+            raise ModelError(table.key("instants"), f"expected >= 0 s, got {instant!r}")
+    output = table.make(Output, instants=instants, uplift=table.take("uplift", str, default="instants"))
+    table.finish()
+    return output  # type: ignore[no-any-return]
 
 
 def _motion(table: _Table, horizon: float, folder: Path) -> GroundMotion:

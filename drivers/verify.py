@@ -9,8 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from drivers.analysis import analyse, prepare
+from drivers.analysis import prepare
+from drivers.methods import analyse
 from drivers.report import write_run
+from drivers.request import Request
 from drivers.runtime import say
 from drivers.scene import read_scene
 from solvers.history import History
@@ -67,7 +69,7 @@ def verify(comm: Any, out: Path, *, plots: bool) -> bool:
         say(f"{'method':<16}{'pass':>4}{'t [s]':>8}  {'value':<7}{'published [m]':>15}{'here [m]':>24}{'rel. diff.':>12}")
         check = 0.0
         for method in ("transient", "time-frequency"):
-            analysis = analyse(plant, method, 2)
+            analysis = analyse(plant, Request(method, 2))
             for item in (p for p in published_values() if p.method == method):
                 here = value_at(analysis.passes.histories[item.pass_number - 1], names, item.component, item.time)
                 difference = abs(here - item.value) / abs(item.value)
@@ -82,6 +84,6 @@ def verify(comm: Any, out: Path, *, plots: bool) -> bool:
         good &= check <= TRANSFORM_TOLERANCE
         say(f"\ninverse transform by FFT and by its sum differ by {check:.1e} m (limit {TRANSFORM_TOLERANCE:g})")
         say(f"seconds: {plant.clock.line()}")
-        say(f"files in {out}{'/'}transient and {out}{'/'}time-frequency")
+        say(f"files in {out / 'transient'} and {out / 'time-frequency'}")
         say(f"all values within {TOLERANCE:g}" if good else "FAILED: a value misses")
     return bool(good)

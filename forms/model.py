@@ -17,7 +17,7 @@ from scipy import sparse
 from forms import membrane
 from forms.material import Material
 from forms.numbering import Numbering
-from forms.operators import Contacts, Functionals, Load, Operators, Reactions
+from forms.operators import Contacts, Functionals, LiftedArea, Load, Operators, Reactions
 from forms.parameters import PlateModel, Probe
 from forms.points import interpolation, owned_nodes
 from forms.signals import Constant
@@ -48,8 +48,21 @@ class AssembledPlate:
     numbering: Numbering
     total_mass: float
     """kg, plate and point masses."""
+    translations: tuple[Any, Any]
+    """Mass times a rigid translation by 1 m along X and along Y, PETSc vectors in kg."""
+    lifted_area: LiftedArea
     joint_mass: float
     """kg, of the point masses alone."""
+
+    def __enter__(self) -> AssembledPlate:
+        """Return itself."""
+        return self
+
+    def __exit__(self, *args: object) -> None:
+        """Destroy the operators and vectors."""
+        self.operators.__exit__(*args)
+        for vector in self.translations:
+            vector.destroy()
 
     def displacement(self, values: np.ndarray) -> np.ndarray:
         """Return the nodal displacements (owned and ghost nodes, 2) m from this rank's part of a solution (collective)."""
@@ -125,8 +138,10 @@ def assemble_plate(forms: CompiledForms, model: PlateModel) -> AssembledPlate:
     if joints.settles:
         loads.append(Load("gaps and preloads", numbering.vector(None, None), Constant(1.0), static=True, internal=True))
         loads[-1].vector.array[:] = settlement
-    weight = inertia_vector((0.0, 1.0), 1.0)
-    total_mass = float(np.real(weight.dot(_rigid_translation(numbering, joints, 1))))
+    translations = inertia_vector((1.0, 0.0), 1.0), inertia_vector((0.0, 1.0), 1.0)
+    rigid = _rigid_translation(numbering, joints, 1)
+    total_mass = float(np.real(translations[1].dot(rigid)))
+    rigid.destroy()
     operators = Operators(
         stiffness=stiffness,
         mass=mass,
@@ -139,9 +154,18 @@ def assemble_plate(forms: CompiledForms, model: PlateModel) -> AssembledPlate:
         unilateral_springs=unilateral,
         reactions=joints.reactions(numbering, foot_middle(model)),
     )
-    weight.destroy()
     joint_mass = sum(support.mass * len(support.points) for support in model.supports)
-    return AssembledPlate(operators, forms.space, numbering, total_mass, joint_mass)
+    area = _lifted_area(numbering, translations[1], joints.inertia(numbering, (0.0, 1.0)))
+    return AssembledPlate(operators, forms.space, numbering, total_mass, translations, area, joint_mass)
+
+
+def _lifted_area(numbering: Numbering, inertia: Any, of_joints: np.ndarray) -> LiftedArea:
+    """Return the shares of the area, which in a plate of one thickness are those of its mass without the joints'."""
+    plate = np.real(inertia.array_r) - of_joints
+    rows = numbering.local_row[1::2]
+    rows = rows[rows >= 0]
+    weights = plate[rows]
+    return LiftedArea(rows, weights / numbering.comm.allreduce(float(weights.sum())), numbering.comm)
 
 
 def _rigid_translation(numbering: Numbering, joints: _Joints, axis: int) -> Any:

@@ -18,6 +18,15 @@ from scipy import sparse
 from forms.uplift import UpliftLaw
 
 
+def _sum_over_ranks(partial: np.ndarray, comm: Any) -> np.ndarray:
+    if comm.size == 1:
+        return partial
+    partial = np.ascontiguousarray(partial)
+    total = np.empty_like(partial)
+    comm.Allreduce(partial, total, op=MPI.SUM)
+    return total
+
+
 @dataclass(frozen=True)
 class Functionals:
     """Sparse linear functionals of the solution, such as the displacement of a probe."""
@@ -33,12 +42,26 @@ class Functionals:
 
     def total(self, partial: np.ndarray) -> np.ndarray:
         """Return the sum over ranks of shares of any shape (collective)."""
-        if self.comm.size == 1:
-            return partial
-        partial = np.ascontiguousarray(partial)
-        total = np.empty_like(partial)
-        self.comm.Allreduce(partial, total, op=MPI.SUM)
-        return total
+        return _sum_over_ranks(partial, self.comm)
+
+
+@dataclass(frozen=True)
+class LiftedArea:
+    """The share of the plate's area whose nodes have risen: a nodal field, 1 where DY > 0 and else 0, integrated over the cells."""
+
+    rows: np.ndarray
+    """Rows within this rank of the vertical displacements of its nodes."""
+    weights: np.ndarray
+    """Area of the plate that belongs to each of them, as a part of the whole."""
+    comm: Any
+
+    def partial(self, values: np.ndarray) -> np.ndarray:
+        """Return this rank's share of the lifted area, in percent, for its part (n_local, ...) of solutions."""
+        return 100.0 * (self.weights @ (values[self.rows] > 0))
+
+    def total(self, partial: np.ndarray) -> np.ndarray:
+        """Return the sum over ranks of shares of any shape (collective)."""
+        return _sum_over_ranks(partial, self.comm)
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ import numpy as np
 import scipy.linalg
 
 from forms.uplift import UpliftLaw
-from solvers.linear import SolverError
+from solvers.errors import SolverError
 
 
 class ContactProblem:
@@ -102,11 +102,14 @@ STATIC_ROUNDS = 10
 """Sideways forces follow the contacts one round behind; more than a few rounds means that there is no lasting answer."""
 
 
-def settled_release(problem: ContactProblem, tension: np.ndarray) -> np.ndarray:
-    """Return the release forces (n_channels,) N of a state that lasts, from the tensions (n_channels,) N of the bonded contacts."""
+def settled_release(problem: ContactProblem, tension: np.ndarray, scale: float) -> np.ndarray:
+    """Return the release forces (n_channels,) N of a state that lasts, from the tensions (n_channels,) N of the bonded contacts.
+
+    `scale` in N is that of `ContactProblem.solve`.
+    """
     release = np.zeros(problem.law.n_channels)
     for _ in range(STATIC_ROUNDS):
-        before, release = release, problem.solve(tension, release)
+        before, release = release, problem.solve(tension, release, scale)
         if np.array_equal(before > 0, release > 0):
             break
     return release

@@ -21,7 +21,8 @@ Sources: Lubich, Numer. Math. 52 (1988) 129 and 413; Banjai and Sauter, SIAM J. 
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -31,7 +32,7 @@ from forms.operators import Operators
 from solvers.contact import ContactProblem
 from solvers.convolution import OnlineConvolution
 from solvers.history import History
-from solvers.newmark import State, balance_acceleration, load_values, tensions
+from solvers.newmark import State, balance_acceleration, load_scale, load_values, tensions
 from solvers.parameters import Scheme
 from solvers.sweep import Transfer, sweep
 
@@ -112,6 +113,8 @@ class LaplaceRun:
     march_seconds: float
     tries: float
     """Contact problems tried per step."""
+    field: Callable[[int], np.ndarray | None]
+    """Gives this rank's part (n_local,) of the displacements at an archived instant, None where fields were not kept."""
 
 
 def laplace_run(
@@ -148,9 +151,15 @@ def laplace_run(
     if exact_uplift and n_channels:
         release, tries = _march(operators, circle, transfer, drive, start)
         drive[:, n_loads : n_loads + n_channels] = circle.forward(release - start.release)
+    rest = np.real(start.displacement.array_r).copy()
+
+    def field(row: int) -> np.ndarray | None:
+        return _field(circle, transfer, drive, rest, row * every)
+
     history = _history(operators, circle, transfer, drive, start, release, every)
+    history = replace(history, peak_field=field(history.peak))
     seconds = time.perf_counter() - begin
-    return LaplaceRun(history, len(circle.points), transfer.factor_seconds, transfer.solve_seconds, seconds, tries)
+    return LaplaceRun(history, len(circle.points), transfer.factor_seconds, transfer.solve_seconds, seconds, tries, field)
 
 
 def _initial_damping(operators: Operators, start: State, values: np.ndarray, step: float) -> Any:
@@ -176,7 +185,7 @@ def _march(
     kernel = law.stiffness[:, None] * circle.inverse(transfer.elongation[:, :, n_loads : n_loads + n_channels])
     problem = ContactProblem(law, kernel[0])
     release = np.tile(start.release, (circle.steps + 1, 1))
-    scale = float(np.max(np.abs(linear)))
+    scale = load_scale(operators, load_values(operators, circle.step * np.arange(circle.steps + 1)))
 
     def step(n: int, past: np.ndarray) -> np.ndarray:
         if n > 0:
@@ -205,11 +214,16 @@ def _history(
     probes, elongation = values[:2]
     reactions = operators.reactions.values(values[2], archived) if operators.reactions is not None else np.zeros((len(archived), 0))
     peak = int(np.argmax(np.max(np.abs(probes), axis=1))) if probes.size else 0
-    field = None
-    if transfer.fields is not None:
-        n, k = peak * every, np.arange(len(circle.points))
-        weight = np.where((k == 0) | (2 * k == circle.length), 1.0, 2.0) / circle.length / circle.radius**n
-        weight = weight * np.exp(2j * np.pi * (k * n % circle.length) / circle.length)
-        field = here + np.real(np.einsum("fj,fjn->n", weight[:, None] * drive, transfer.fields))
     times = circle.step * np.arange(0, circle.steps + 1, every)
-    return History(times, probes, elongation, archived, reactions, peak, field)
+    return History(times, probes, elongation, archived, reactions, peak)
+
+
+def _field(circle: Circle, transfer: Transfer, drive: np.ndarray, rest: np.ndarray, n: int) -> np.ndarray | None:
+    """Return this rank's part of the solution at step `n`, by the sum over the points."""
+    if transfer.fields is None:
+        return None
+    k = np.arange(len(circle.points))
+    weight = np.where((k == 0) | (2 * k == circle.length), 1.0, 2.0) / circle.length / circle.radius**n
+    weight = weight * np.exp(2j * np.pi * (k * n % circle.length) / circle.length)
+    columns = (weight[:, None] * drive).reshape(-1)
+    return rest + np.real(columns @ transfer.fields.reshape(len(columns), -1))

@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 from petsc4py import PETSc
 
+from solvers.errors import SolverError
+
 log = logging.getLogger(__name__)
 
 SMALL = 2000
@@ -16,10 +18,6 @@ SMALL = 2000
 
 RESIDUAL_LIMIT = 1e-9
 """Largest admissible scaled residual of a direct solve; a sound factorisation stays below 1e-12."""
-
-
-class SolverError(RuntimeError):
-    """A system could not be solved: its matrix is singular or the residual is not small."""
 
 
 class DirectSolver:

@@ -25,7 +25,7 @@ from slepc4py import SLEPc
 
 from forms.operators import Operators
 from meshes.checked import ModelError
-from solvers.linear import SolverError
+from solvers.errors import SolverError
 from solvers.reduced import Basis, apply, inner
 
 log = logging.getLogger(__name__)

@@ -18,6 +18,7 @@ J. Appl. Mech. 60 (1993) 371.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -128,6 +129,8 @@ class Newmark:
         self.solver = DirectSolver(effective, prefix, definite=True, what="time step")
         self._right, self._work, self._mean = (operators.new_vector() for _ in range(3))
         self._steps = 0
+        self.load_scale = 0.0
+        """Forces below 1e-12 of this, in N, are round-off to the contacts."""
         self.compliance: ContactCompliance | None = None
         if exact_uplift and operators.contacts.law.n_channels:
             # A release force r1 acts as (1 - alpha_f) r1 at the instant of balance and moves the contacts by beta dt^2 a1.
@@ -199,7 +202,7 @@ class Newmark:
         here = np.real(state.displacement.array_r), np.real(state.acceleration.array_r)
         partial = contacts.elongation.partial(here[0]) + self.step**2 * scheme.beta * contacts.elongation.partial(here[1])
         tension = contacts.law.tension(contacts.elongation.total(partial))
-        state.release = compliance.problem.solve(tension, before)
+        state.release = compliance.problem.solve(tension, before, self.load_scale)
         acting = np.flatnonzero(state.release)
         if acting.size:
             state.acceleration.array[:] += ((1 - scheme.alpha_f) * state.release[acting]) @ compliance.answers[acting]
@@ -211,6 +214,12 @@ def load_values(operators: Operators, times: np.ndarray, *, static_only: bool = 
         load.history(times) if load.static or not static_only else np.zeros(len(times)) for load in operators.loads
     ]
     return np.stack(columns, axis=1) if columns else np.zeros((len(times), 0))
+
+
+def load_scale(operators: Operators, values: np.ndarray) -> float:
+    """Return the largest nodal load in N that the load histories (nt, n_loads) ever make: what round-off in forces is measured by."""
+    largest = np.max(np.abs(values), axis=0, initial=0.0)
+    return max((float(v * load.vector.norm(PETSc.NormType.NORM_INFINITY)) for v, load in zip(largest, operators.loads, strict=True)), default=0.0)
 
 
 def loads_at(operators: Operators, values: np.ndarray, release: np.ndarray) -> Any:
@@ -257,7 +266,8 @@ def static_state(operators: Operators, *, exact_uplift: bool = False) -> State:
         solver.solve(right, state.displacement, check=right.norm() > 0)
         if exact_uplift and state.release.size:
             compliance = ContactCompliance(operators, solver, 1.0)
-            state.release = settled_release(compliance.problem, tensions(operators, state.displacement))
+            scale = load_scale(operators, values[None, :])
+            state.release = settled_release(compliance.problem, tensions(operators, state.displacement), scale)
             state.displacement.array[:] += state.release @ compliance.answers
     right.destroy()
     return state
@@ -272,24 +282,34 @@ def settled_state(operators: Operators, scheme: Scheme, step: float, steps: int,
     values = load_values(operators, np.zeros(1), static_only=True)[0]
     balance_acceleration(operators, state, values, step, damped=False)
     with Newmark(operators, scheme, step, damped=False, exact_uplift=exact_uplift, prefix="settle_") as method:
+        method.load_scale = load_scale(operators, values[None, :])
         for _ in range(steps):
             method.advance(state, (values, values))
     return state
 
 
 def transient(
-    method: Newmark, start: State, steps: int, *, every: int = 1, release: np.ndarray | None = None, energy: bool = False
+    method: Newmark,
+    start: State,
+    steps: int,
+    *,
+    every: int = 1,
+    release: np.ndarray | None = None,
+    energy: bool = False,
+    watch: Callable[[int, np.ndarray], None] | None = None,
 ) -> History:
     """March `steps` steps from time 0 and the state `start`, which is left as it is (collective).
 
     Every `every`-th step is archived. `release` (n_archived, n_channels) N are release forces known at the archived instants
     and interpolated linearly between them; without them uplift is exact, or left out, as `method` was made. `energy`
-    keeps the ledger of energies, at three products of a matrix and a vector a step.
+    keeps the ledger of energies, at three products of a matrix and a vector a step. `watch(row, values)` is shown this rank's part
+    (n_local,) of the displacements at each archived instant.
     """
     operators = method.operators
     times = method.step * np.arange(steps + 1)
     archived = times[::every]
     values = load_values(operators, times)
+    method.load_scale = load_scale(operators, values)
     given = None
     if release is not None:
         given = np.stack([np.interp(times, archived, column) for column in release.T], axis=1)
@@ -316,6 +336,8 @@ def transient(
             for part, functionals in zip(parts, observed, strict=True):
                 part[row] = functionals.partial(here)
             acted[row] = state.release
+            if watch is not None:
+                watch(row, here)
             reach = np.max(np.abs(operators.probes.total(parts[0][row])), initial=0.0)
             if reach > farthest:
                 farthest, peak, peak_field = reach, row, here.copy()

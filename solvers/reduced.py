@@ -17,13 +17,15 @@ from typing import Any
 
 import numpy as np
 from mpi4py import MPI
+from petsc4py import PETSc
 from scipy import linalg
 
 from forms.operators import Operators, Reactions
 from forms.uplift import UpliftLaw
-from solvers.contact import ContactProblem
+from solvers.contact import ContactProblem, settled_release
 from solvers.history import History
-from solvers.linear import DirectSolver, SolverError
+from solvers.errors import SolverError
+from solvers.linear import DirectSolver
 from solvers.parameters import Scheme
 
 log = logging.getLogger(__name__)
@@ -128,6 +130,12 @@ class ReducedModel:
     """(3, m): linear part of the reactions of each vector; no rows where the model knows no ground."""
     reactions: Reactions | None
     law: UpliftLaw
+    largest: np.ndarray
+    """(n_loads,): largest nodal load of each load vector in the model itself."""
+
+    def load_scale(self, values: np.ndarray) -> float:
+        """Return the largest nodal load in N that the load histories (nt, n_loads) ever make."""
+        return float(np.max(np.max(np.abs(values), axis=0, initial=0.0) * self.largest, initial=0.0))
 
     def load_values(self, times: np.ndarray, *, static_only: bool = False) -> np.ndarray:
         """Return the load histories (nt, n_loads) at `times` (nt,) s; with `static_only` those of the static loads alone."""
@@ -178,6 +186,7 @@ def project(operators: Operators, basis: Basis, *, diagonal: bool = False) -> Re
         resultants=resultants[0] if resultants else np.zeros((0, basis.size)),
         reactions=reactions,
         law=operators.contacts.law,
+        largest=np.array([load.vector.norm(PETSc.NormType.NORM_INFINITY) for load in operators.loads]),
     )
 
 
@@ -205,7 +214,7 @@ def static_state(model: ReducedModel, *, exact_uplift: bool = False) -> ReducedS
     release = np.zeros(model.law.n_channels)
     if exact_uplift and release.size:
         problem = ContactProblem(model.law, model.law.stiffness[:, None] * (model.elongation @ answers[:, 1:]))
-        release = settled_release(problem, model.law.tension(model.elongation @ answers[:, 0]))
+        release = settled_release(problem, model.law.tension(model.elongation @ answers[:, 0]), model.load_scale(model.load_values(np.zeros(1), static_only=True)))
     return ReducedState(answers[:, 0] + answers[:, 1:] @ release, np.zeros(model.basis.size), release)
 
 
@@ -319,6 +328,7 @@ class _Stepper:
         archived = (len(values) - 1) // every + 1
         archive, acted = np.empty((archived, 2, m)), np.empty((archived, len(release)))
         archive[0], acted[0] = motion, release
+        scale = model.load_scale(values)
         for n in range(1, len(values)):
             before = whole.copy() if scheme.alpha_f else whole
             held = release.copy()
@@ -331,7 +341,7 @@ class _Stepper:
             acceleration = self.answer @ known + carried
             if self.problem is not None:
                 elongation = model.elongation @ (motion[0] + scheme.beta * acceleration)
-                release[:] = self.problem.solve(model.law.tension(elongation), held)
+                release[:] = self.problem.solve(model.law.tension(elongation), held, scale)
                 acceleration += self.per_release @ release
             motion += new * acceleration
             if n % every == 0:

@@ -23,6 +23,6 @@ def test_other_builds(scalars, ranks, tmp_path):
                "-p", "no:cacheprovider", str(ROOT / "tests")]
     environment = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_COMM", "PMIX"))} | AS_ROOT
     environment |= COMPLEX if scalars == "complex" else {}
-    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=600)
+    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=240)
     assert done.returncode == 0, done.stdout[-6000:] + done.stderr[-3000:]
     assert " passed" in done.stdout

@@ -4,7 +4,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drivers.scene import read_scene, required_section
+from drivers.request import Request
+from drivers.scene import read_scene
 from meshes.checked import ModelError
 
 SCENE = Path(__file__).parents[2] / "drivers" / "scenes" / "sdls119a.toml"
@@ -91,7 +92,7 @@ def test_missing_file_and_missing_section(tmp_path):
         (tmp_path / "latin.toml").write_bytes(b'title = "\xe9"')
         read_scene(tmp_path / "latin.toml")
     with pytest.raises(ModelError) as error:
-        required_section(replace(read_scene(SCENE), fourier=None), "time-frequency")
+        Request("time-frequency", 2).check(replace(read_scene(SCENE), fourier=None))
     assert error.value.key == "fourier"
 
 

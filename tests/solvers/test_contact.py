@@ -5,7 +5,7 @@ import pytest
 
 from forms.uplift import UpliftLaw
 from solvers.contact import ContactProblem
-from solvers.linear import SolverError
+from solvers.errors import SolverError
 
 
 def springs(rng, n, stiffness):

@@ -16,7 +16,7 @@ from drivers.analysis import prepare
 from drivers.scene import build_scene
 from meshes.checked import ModelError
 from solvers import newmark, reduced
-from solvers.linear import SolverError
+from solvers.errors import SolverError
 from solvers.modal import effective_masses, modes
 from solvers.parameters import Scheme, generalised_alpha, hilber_hughes_taylor
 from solvers.reduced import Basis, march, project, with_static_answers

@@ -3,7 +3,8 @@ import pytest
 
 from forms.signals import Constant
 from meshes.checked import ModelError
-from solvers.linear import DirectSolver, SolverError
+from solvers.errors import SolverError
+from solvers.linear import DirectSolver
 from solvers.newmark import Newmark, State, at_rest, balance_acceleration, settled_state, static_state, transient
 from solvers.parameters import Scheme, generalised_alpha, hilber_hughes_taylor
 from tests import oscillator

@@ -1,0 +1,188 @@
+"""The methods of analysis on an assembled scene: in time, by a sweep, on a basis; uplift exact or by the published passes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from drivers.analysis import Analysis, Plant
+from drivers.request import Request
+from drivers.runtime import require_scalars
+from drivers.scene import Transient
+from meshes.checked import ModelError
+from solvers.history import History
+from solvers.newmark import Newmark, State, at_rest, settled_state, static_state, transient
+from solvers.parameters import Scheme, Window
+from solvers.passes import Passes, published_passes
+
+FEW = 10
+"""So many passes are all kept; of more, the first and the last two."""
+
+LEDGER_DOFS = 50_000
+"""Up to this size the ledger of energies is kept, whose products of matrix and vector then cost less than the rest of a step."""
+
+
+def analyse(plant: Plant, request: Request) -> Analysis:
+    """Run one method (collective)."""
+    run = {"transient": _transient, "time-frequency": _time_frequency, "modal": _modal}[request.method]
+    return run(plant, request)
+
+
+def _passes(solve, plant: Plant, request: Request) -> Passes:  # type: ignore[no-untyped-def]  # the callable of published_passes
+    assert request.passes is not None
+    law = plant.operators.contacts.law
+    return published_passes(solve, law, request.passes, tolerance=request.tolerance, keep_all=request.passes <= FEW)
+
+
+def _settings(plant: Plant) -> Transient:
+    settings = plant.scene.transient
+    assert settings is not None
+    return settings
+
+
+def _start_state(plant: Plant, *, exact_uplift: bool) -> State:
+    settings = _settings(plant)
+    if settings.start == "rest":
+        return at_rest(plant.operators)
+    if settings.start == "static":
+        return static_state(plant.operators, exact_uplift=exact_uplift)
+    settling = settings.settling
+    scheme = Scheme(settling.beta, settling.gamma)
+    return settled_state(plant.operators, scheme, settling.step, settling.steps, exact_uplift=exact_uplift)
+
+
+class _LiftedShare:
+    """Collects the lifted share of the area at the archived instants that the scene asks for."""
+
+    def __init__(self, plant: Plant, times: np.ndarray) -> None:
+        self._area = plant.assembled.lifted_area
+        self.rows = plant.scene.output.uplift_rows(times)
+        self._partial = np.full(len(times), np.nan)
+
+    def watch(self, row: int, values: np.ndarray) -> None:
+        """Note the share at one archived instant."""
+        if self.rows[row]:
+            self._partial[row] = self._area.partial(values)
+
+    def result(self) -> np.ndarray | None:
+        """Return the shares (nt,) in percent, nan where not asked for; None if nowhere (collective)."""
+        return self._area.total(self._partial) if self.rows.any() else None
+
+
+def _transient(plant: Plant, request: Request) -> Analysis:
+    settings, exact = _settings(plant), request.passes is None
+    with (
+        plant.clock.remainder("solution"),
+        _start_state(plant, exact_uplift=exact) as start,
+        Newmark(plant.operators, settings.scheme, settings.step, exact_uplift=exact) as method,
+    ):
+        plant.clock.add("factorisation", method.solver.factor_seconds)
+        share = _LiftedShare(plant, settings.archived)
+        options = {
+            "every": settings.every, "energy": plant.operators.n <= LEDGER_DOFS, "watch": share.watch if share.rows.any() else None,
+        }
+
+        def solve(release: np.ndarray | None) -> History:
+            return transient(method, start, settings.steps, release=release, **options)
+
+        passes = Passes([solve(None)], number=1) if exact else _passes(solve, plant, request)
+        problem = method.compliance.problem if method.compliance else None
+        tries = problem.tries / max(problem.solved, 1) if problem else None
+        return Analysis("transient", passes, exact, tries=tries, lifted=None if passes.ended == "diverged" else share.result())
+
+
+def _time_frequency(plant: Plant, request: Request) -> Analysis:
+    require_scalars("complex")
+    return _laplace(plant) if request.passes is None else _fourier(plant, request)
+
+
+def _laplace(plant: Plant) -> Analysis:
+    from solvers.laplace import laplace_run
+
+    settings = _settings(plant)
+    with plant.clock.remainder("solution"):
+        start = at_rest(plant.operators) if settings.start == "rest" else static_state(plant.operators, exact_uplift=True)
+        if settings.start == "settled":
+            _check_settled(plant, start)
+        with start:
+            run = laplace_run(plant.operators, settings.scheme, settings.step, settings.steps, start, every=settings.every)
+        plant.clock.add("factorisation", run.factor_seconds)
+        plant.clock.add("march", run.march_seconds)
+        share = _LiftedShare(plant, settings.archived)
+        for row in np.flatnonzero(share.rows):
+            values = run.field(row)
+            if values is not None:
+                share.watch(row, values)
+    notes = {"laplace_points": run.points}
+    return Analysis("time-frequency", Passes([run.history], number=1), True, tries=run.tries, lifted=share.result(), notes=notes)
+
+
+def _check_settled(plant: Plant, static: State) -> None:
+    """Raise `ModelError` if the steps before time 0 leave the model anywhere else than at rest, where the sweep starts."""
+    with _start_state(plant, exact_uplift=True) as settled:
+        settled.displacement.axpy(-1.0, static.displacement)
+        away = settled.displacement.norm() + _settings(plant).step * settled.velocity.norm()
+    if away > 1e-6 * static.displacement.norm():
+        raise ModelError("transient.start", "the sweep starts from a state of rest, and the settling steps end in motion; set start = 'static'")
+
+
+def _fourier(plant: Plant, request: Request) -> Analysis:
+    from solvers import fourier
+    from solvers.harmonic import FourierResponse, harmonic_sweep
+
+    window: Window | None = plant.scene.fourier
+    assert window is not None
+    with plant.clock.remainder("solution"):
+        transfer = harmonic_sweep(plant.operators, 2 * np.pi * window.frequencies)
+        plant.clock.add("factorisation", transfer.factor_seconds)
+        response = FourierResponse(plant.operators, window, transfer)
+        passes = _passes(response.history, plant, request)
+        again = fourier.inverse_by_sum(response.probe_spectrum(passes.final.release), window.samples)
+        check = float(np.max(np.abs(again - passes.final.probes), initial=0.0))
+    return Analysis("time-frequency", passes, False, transform_check=check, notes={"frequencies": len(window.frequencies)})
+
+
+def _modal(plant: Plant, request: Request) -> Analysis:
+    from solvers import reduced
+    from solvers.modal import modes
+
+    settings, modal, exact = _settings(plant), plant.scene.modal, request.passes is None
+    assert modal is not None
+    operators = plant.operators
+    with plant.clock.phase("modes"):
+        found = modes(operators, number=modal.number, band=modal.band, shift=modal.shift)
+        basis = found.basis
+        if modal.static_correction:
+            basis = reduced.with_static_answers(operators, basis)
+        model = reduced.project(operators, basis, diagonal=modal.diagonal)
+    with plant.clock.phase("solution"):
+        if settings.start == "rest":
+            start = reduced.at_rest(model)
+        elif settings.start == "static":
+            start = reduced.static_state(model, exact_uplift=exact)
+        else:
+            settling = settings.settling
+            scheme = Scheme(settling.beta, settling.gamma)
+            start = reduced.settled_state(model, scheme, settling.step, settling.steps, exact_uplift=exact)
+        marched: list[reduced.ReducedMarch] = []
+
+        def solve(release: np.ndarray | None) -> History:
+            run = reduced.march(
+                model, settings.scheme, settings.step, settings.steps,
+                every=settings.every, start=start, release=release, exact_uplift=exact,
+            )
+            marched[:] = [run]
+            return run.history(model)
+
+        passes = Passes([solve(None)], number=1) if exact else _passes(solve, plant, request)
+    share = _LiftedShare(plant, settings.archived)
+    for row in np.flatnonzero(share.rows):
+        share.watch(row, model.field(marched[0].coordinates[row]))
+    notes = {
+        "modes": found.number,
+        "basis_vectors": basis.size,
+        "frequencies_Hz": found.frequencies.tolist(),
+        "largest_mode_residual": float(np.max(found.residuals, initial=0.0)),
+        "orthonormality": found.orthonormality,
+        "sturm_count": found.sturm.inside,
+    }
+    return Analysis("modal", passes, exact, lifted=None if passes.ended == "diverged" else share.result(), notes=notes)

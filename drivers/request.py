@@ -1,0 +1,40 @@
+"""What is asked of a scene: a method, and uplift solved exactly or by the published passes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from drivers.runtime import Scalars
+from drivers.scene import Scene
+from meshes.checked import ModelError
+
+METHODS = ("transient", "time-frequency", "modal")
+
+
+@dataclass(frozen=True)
+class Request:
+    """What is asked of a method."""
+
+    method: str
+    passes: int | None = None
+    """Number of published passes; None: uplift is solved exactly."""
+    tolerance: float | None = None
+    """End of the published passes, if any."""
+
+    @property
+    def scalars(self) -> Scalars:
+        """The build of PETSc that the method needs."""
+        return "complex" if self.method == "time-frequency" else "real"
+
+    def check(self, scene: Scene) -> None:
+        """Raise `ModelError` if the scene does not say what the method needs, or holds what the passes cannot do."""
+        section = "fourier" if self.method == "time-frequency" and self.passes else "transient"
+        if getattr(scene, section) is None:
+            raise ModelError(section, f"missing; the method {self.method} needs the section [{section}]")
+        if self.method == "modal" and scene.modal is None:
+            raise ModelError("modal", "missing; the method modal needs the section [modal]")
+        if self.passes and any(s.unilateral and s.sideways == "released" for s in scene.model.supports):
+            raise ModelError("supports", "the published passes cannot release a support sideways; leave out --iterations")
+        start = scene.transient.start if scene.transient else ""
+        if start == "rest" and any(s.unilateral and s.settlement != 0 for s in scene.model.supports):
+            raise ModelError("transient.start", "expected 'static' or 'settled' where a support has a gap or a preload")
