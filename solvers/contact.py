@@ -20,7 +20,7 @@ Sources: Cottle, Pang and Stone, The Linear Complementarity Problem, chapters 3 
 from __future__ import annotations
 
 import numpy as np
-import scipy.linalg
+from scipy.linalg import lapack
 
 from forms.uplift import UpliftLaw
 from solvers.errors import SolverError
@@ -33,9 +33,10 @@ class ContactProblem:
         """Take D (n_channels, n_channels): tension of channel i per unit release force of channel j, dimensionless."""
         self.law = law
         self.compliance = np.asarray(compliance, dtype=float)
+        self._less_one = self.compliance - np.eye(len(self.compliance))
         self.tries = 0
         self.solved = 0
-        self._factors: dict[bytes, tuple[np.ndarray, tuple[np.ndarray, np.ndarray]]] = {}
+        self._factors: dict[bytes, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
         self._tied = self.law.n_channels > self.law.n_contacts
 
     def solve(self, tension: np.ndarray, before: np.ndarray, scale: float = 0.0) -> np.ndarray:
@@ -45,24 +46,28 @@ class ContactProblem:
         a sideways release force keeps its value where the contact is closed. Forces below 1e-12 of the largest tension or
         of `scale` N count as zero. Raises `SolverError` if there is no answer.
         """
-        law, n_c = self.law, self.law.n_contacts
+        n_c = self.law.n_contacts
         self.solved += 1
         if n_c == 0:
             return np.zeros(0)
-        if not np.all(np.isfinite(tension)):
-            raise SolverError("the contact forces are no longer finite: the time integration has diverged")
-        small = 1e-12 * max(float(np.max(np.abs(tension))), scale)
         open_ = before[:n_c] > 0
+        if not self._tied and not open_.any() and tension.max() <= 1e-12 * scale:
+            self.tries += 1
+            return np.zeros(n_c)
+        largest = np.abs(tension).max()
+        if not np.isfinite(largest):
+            raise SolverError("the contact forces are no longer finite: the time integration has diverged")
+        small = 1e-12 * max(largest, scale)
         best, patience = n_c + 1, 10
         while True:
             self.tries += 1
             release = self._for_set(open_, tension, before)
-            left = tension + self.compliance @ release - release
-            wrong = np.where(open_, release[:n_c] < -small, left[:n_c] > small)
-            count = int(wrong.sum())
-            if count == 0:
+            left = tension + self._less_one @ release
+            wrong = np.where(open_, -release[:n_c], left[:n_c]) > small
+            if not wrong.any():
                 np.maximum(release[:n_c], 0.0, out=release[:n_c])
                 return release
+            count = int(wrong.sum())
             if count < best:
                 best, patience = count, 10
             else:
@@ -85,16 +90,19 @@ class ContactProblem:
             free = np.concatenate([open_, before[self.law.owner[n_c:]] > 0])
             release[free] = 0.0
             tension = tension + self.compliance[:, n_c:] @ release[n_c:]
-        if not free.any():
-            return release
         key = free.tobytes()
         if key not in self._factors:
             if len(self._factors) > 1000:
                 self._factors.clear()
-            block = np.eye(int(free.sum())) - self.compliance[np.ix_(free, free)]
-            self._factors[key] = np.flatnonzero(free), scipy.linalg.lu_factor(block, check_finite=False)
-        index, factor = self._factors[key]
-        release[index] = scipy.linalg.lu_solve(factor, tension[index], check_finite=False)
+            block = -self._less_one[np.ix_(free, free)]
+            factor, pivots, failed = lapack.dgetrf(block, overwrite_a=True) if free.any() else (block, block, 0)
+            if failed:
+                raise SolverError("a set of open contacts leaves the structure without an answer")
+            self._factors[key] = np.flatnonzero(free), factor, pivots
+        index, factor, pivots = self._factors[key]
+        if not index.size:
+            return release
+        release[index], _ = lapack.dgetrs(factor, pivots, tension[index])
         return release
 
 

@@ -24,13 +24,17 @@ from typing import Any
 
 import numpy as np
 from petsc4py import PETSc
+from scipy import sparse
 
 from forms.operators import Operators
 from solvers.contact import ContactProblem, settled_release
 from solvers.energy import EnergyMeter
 from solvers.history import History
-from solvers.linear import DirectSolver
+from solvers.linear import SMALL, DirectSolver
 from solvers.parameters import Scheme
+
+BALANCED = 1e-9
+"""A force that is left of the loads by less than this part of them is round-off: the state is one of rest."""
 
 SAME = PETSc.Mat.Structure.SAME_NONZERO_PATTERN
 
@@ -85,6 +89,9 @@ class ContactCompliance:
         n = contacts.law.n_channels
         self.answers = np.zeros((n, operators.n_local))
         """(n_channels, n_local): solutions for unit release forces, this rank's rows."""
+        pull = sparse.diags(contacts.law.stiffness) @ contacts.elongation.local
+        self.pull = pull.toarray() if operators.n_local <= SMALL else pull.tocsr()
+        """(n_channels, n_local) N/m: this rank's share of the tensions of the bonded contacts."""
         right, solution = operators.new_vector(), operators.new_vector()
         for j in range(n):
             right.array[:] = contacts.push[:, [j]].toarray().ravel()
@@ -160,10 +167,10 @@ class Newmark:
         # The first step and every power of two are checked: cheap, and a factor gone bad is seen early.
         self.solver.solve(right, state.acceleration, check=(self._steps & (self._steps - 1)) == 0)
         self._steps += 1
-        if self.compliance is not None and given is None:
-            self._release(state, before)
         state.displacement.axpy(dt**2 * scheme.beta, state.acceleration)
         state.velocity.axpy(dt * scheme.gamma, state.acceleration)
+        if self.compliance is not None and given is None:
+            self._release(state, before)
 
     def _balance(self, state: State, loads: tuple[np.ndarray, np.ndarray]) -> Any:
         """Bring displacement and velocity to their known parts one step later; return the right-hand side without release forces."""
@@ -195,17 +202,18 @@ class Newmark:
         return right
 
     def _release(self, state: State, before: np.ndarray) -> None:
-        """Find the release forces and add the acceleration that they cause."""
+        """Find the release forces and add the motion that they cause to a state without them."""
         scheme, compliance = self.scheme, self.compliance
         assert compliance is not None
-        contacts = self.operators.contacts
-        here = np.real(state.displacement.array_r), np.real(state.acceleration.array_r)
-        partial = contacts.elongation.partial(here[0]) + self.step**2 * scheme.beta * contacts.elongation.partial(here[1])
-        tension = contacts.law.tension(contacts.elongation.total(partial))
+        elongation = self.operators.contacts.elongation
+        tension = elongation.total(compliance.pull @ np.real(state.displacement.array_r))
         state.release = compliance.problem.solve(tension, before, self.load_scale)
         acting = np.flatnonzero(state.release)
         if acting.size:
-            state.acceleration.array[:] += ((1 - scheme.alpha_f) * state.release[acting]) @ compliance.answers[acting]
+            self._work.array[:] = ((1 - scheme.alpha_f) * state.release[acting]) @ compliance.answers[acting]
+            state.acceleration.axpy(1.0, self._work)
+            state.displacement.axpy(self.step**2 * scheme.beta, self._work)
+            state.velocity.axpy(self.step * scheme.gamma, self._work)
 
 
 def load_values(operators: Operators, times: np.ndarray, *, static_only: bool = False) -> np.ndarray:
@@ -238,20 +246,23 @@ def balance_acceleration(operators: Operators, state: State, values: np.ndarray,
     equilibrium, differentiated twice; it enters through a stiffness weighed with `time_scale`^2 s2, small enough to leave
     the others alone.
     """
-    lightest = float(np.min(np.abs(operators.mass.getDiagonal().array), initial=np.inf))
-    matrix = operators.mass.copy()
-    if operators.comm.allreduce(lightest, op=min) == 0:
-        matrix.axpy(1e-13 * time_scale**2, operators.stiffness, structure=SAME)
     right, work = loads_at(operators, values, state.release), operators.new_vector()
     operators.stiffness.mult(state.displacement, work)
     right.axpy(-1.0, work)
     if operators.damping is not None and damped:
         operators.damping.mult(state.velocity, work)
         right.axpy(-1.0, work)
-    with DirectSolver(matrix, "initial_", definite=True, what="initial acceleration") as solver:
-        solver.solve(right, state.acceleration, check=right.norm() > 0)
-    for thing in (matrix, right, work):
-        thing.destroy()
+    state.acceleration.zeroEntries()
+    if right.norm(PETSc.NormType.NORM_INFINITY) > BALANCED * load_scale(operators, values[None, :]):
+        lightest = float(np.min(np.abs(operators.mass.getDiagonal().array), initial=np.inf))
+        matrix = operators.mass.copy()
+        if operators.comm.allreduce(lightest, op=min) == 0:
+            matrix.axpy(1e-13 * time_scale**2, operators.stiffness, structure=SAME)
+        with DirectSolver(matrix, "initial_", definite=True, what="initial acceleration") as solver:
+            solver.solve(right, state.acceleration, check=True)
+        matrix.destroy()
+    right.destroy()
+    work.destroy()
 
 
 def static_state(operators: Operators, *, exact_uplift: bool = False) -> State:
@@ -316,7 +327,9 @@ def transient(
     observed = [operators.probes, operators.contacts.elongation]
     if operators.reactions is not None:
         observed.append(operators.reactions.functionals)
-    parts = [np.zeros((len(archived), len(functionals.names))) for functionals in observed]
+    looks = sparse.vstack([functionals.local for functionals in observed], format="csr")
+    seen = np.zeros((len(archived), looks.shape[0]))
+    n_probes = len(operators.probes.names)
     acted = np.zeros((len(archived), operators.contacts.law.n_channels))
     meter = EnergyMeter(operators) if energy else None
     with start.copy() as state:
@@ -333,15 +346,15 @@ def transient(
                 continue
             here = np.real(state.displacement.array_r)
             row = n // every
-            for part, functionals in zip(parts, observed, strict=True):
-                part[row] = functionals.partial(here)
+            seen[row] = looks @ here
             acted[row] = state.release
             if watch is not None:
                 watch(row, here)
-            reach = np.max(np.abs(operators.probes.total(parts[0][row])), initial=0.0)
+            reach = np.max(np.abs(operators.probes.total(seen[row, :n_probes])), initial=0.0)
             if reach > farthest:
                 farthest, peak, peak_field = reach, row, here.copy()
-    probes, elongation, *resultants = (f.total(part) for f, part in zip(observed, parts, strict=True))
+    ends = np.cumsum([len(functionals.names) for functionals in observed])
+    probes, elongation, *resultants = np.split(operators.probes.total(seen), ends[:-1], axis=1)
     reactions = operators.reactions.values(resultants[0], acted) if operators.reactions is not None else np.zeros((len(archived), 0))
     ledger = meter.ledger() if meter is not None else None
     return History(archived, probes, elongation, acted, reactions, peak, peak_field, ledger)
