@@ -77,12 +77,10 @@ def _transient(plant: Plant, request: Request) -> Analysis:
     ):
         plant.clock.add("factorisation", method.solver.factor_seconds)
         share = _LiftedShare(plant, settings.archived)
-        options = {
-            "every": settings.every, "energy": plant.operators.n <= LEDGER_DOFS, "watch": share.watch if share.rows.any() else None,
-        }
+        ledger, watch = plant.operators.n <= LEDGER_DOFS, share.watch if share.rows.any() else None
 
         def solve(release: np.ndarray | None) -> History:
-            return transient(method, start, settings.steps, release=release, **options)
+            return transient(method, start, settings.steps, every=settings.every, release=release, energy=ledger, watch=watch)
 
         passes = Passes([solve(None)], number=1) if exact else _passes(solve, plant, request)
         problem = method.compliance.problem if method.compliance else None
@@ -122,7 +120,8 @@ def _check_settled(plant: Plant, static: State) -> None:
         settled.displacement.axpy(-1.0, static.displacement)
         away = settled.displacement.norm() + _settings(plant).step * settled.velocity.norm()
     if away > 1e-6 * static.displacement.norm():
-        raise ModelError("transient.start", "the sweep starts from a state of rest, and the settling steps end in motion; set start = 'static'")
+        words = "the sweep starts from a state of rest, and the settling steps end in motion; set start = 'static'"
+        raise ModelError("transient.start", words)
 
 
 def _fourier(plant: Plant, request: Request) -> Analysis:

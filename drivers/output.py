@@ -63,7 +63,7 @@ def versions() -> dict[str, str]:
 
     return {
         "python": platform.python_version(),
-        "dolfinx": str(dolfinx.__version__),
+        "dolfinx": str(dolfinx.__version__),  # type: ignore[attr-defined]  # not in its __all__
         "petsc": ".".join(str(n) for n in PETSc.Sys.getVersion()),
         "petsc scalars": "complex" if issubclass(PETSc.ScalarType, complex) else "real",
         "numpy": numpy.__version__,

@@ -36,5 +36,11 @@ class Request:
         if self.passes and any(s.unilateral and s.sideways == "released" for s in scene.model.supports):
             raise ModelError("supports", "the published passes cannot release a support sideways; leave out --iterations")
         start = scene.transient.start if scene.transient else ""
+        loose = scene.model.free_motions()
+        if loose and (section == "fourier" or start != "rest" or (self.method == "modal" and scene.modal and scene.modal.shift == 0)):
+            raise ModelError(
+                "supports", f"nothing holds the plate against {' and '.join(loose)}: it has no static state; hold it by a spring, "
+                "or let a transient run begin with start = 'rest'"
+            )
         if start == "rest" and any(s.unilateral and s.settlement != 0 for s in scene.model.supports):
             raise ModelError("transient.start", "expected 'static' or 'settled' where a support has a gap or a preload")

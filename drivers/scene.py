@@ -33,7 +33,7 @@ class Settling(Checked):
     gamma: float = quantity("Newmark's gamma", default=1.5)
 
     def check(self) -> None:
-        """The scheme must itself be admissible."""
+        """Refuse an inadmissible scheme."""
         Scheme(self.beta, self.gamma)
 
 
@@ -57,7 +57,7 @@ class Transient(Checked):
     settling: Settling = quantity("steps before time 0 for start = 'settled'", factory=Settling)
 
     def check(self) -> None:
-        """The scheme is admissible and the archive ends with the last step."""
+        """Refuse an inadmissible scheme and an archive that does not end with the last step."""
         if self.method != "newmark" and (self.beta, self.gamma) != (0.25, 0.5):
             raise ModelError("beta", f"beta and gamma belong to the method newmark; {self.method} sets its own")
         Scheme(self.beta, self.gamma)
@@ -357,7 +357,7 @@ def _support(table: _Table, plate: Plate) -> Support:
         "sideways": table.take("sideways", str, default="bonded"),
     }
     table.finish()
-    return table.make(Support, **values)  # type: ignore[no-any-return]
+    return table.make(Support, **values)
 
 
 def _spring(table: _Table, plate: Plate) -> Spring:
@@ -367,7 +367,7 @@ def _spring(table: _Table, plate: Plate) -> Spring:
         "stiffness": _components(table, "stiffness"),
     }
     table.finish()
-    return table.make(Spring, **values)  # type: ignore[no-any-return]
+    return table.make(Spring, **values)
 
 
 def _probe(table: _Table, plate: Plate) -> Probe:
@@ -388,7 +388,7 @@ def _output(scene: _Table) -> Output:
             raise ModelError(table.key("instants"), f"expected >= 0 s, got {instant!r}")
     output = table.make(Output, instants=instants, uplift=table.take("uplift", str, default="instants"))
     table.finish()
-    return output  # type: ignore[no-any-return]
+    return output
 
 
 def _motion(table: _Table, horizon: float, folder: Path) -> GroundMotion:

@@ -175,7 +175,10 @@ def _rigid_translation(numbering: Numbering, joints: _Joints, axis: int) -> Any:
 
 
 def _probe_functionals(space: Any, numbering: Numbering, probes: tuple[Probe, ...]) -> Functionals:
-    names, rows, columns, weights = [], [], [], []
+    names: list[str] = []
+    rows: list[int] = []
+    columns: list[int] = []
+    weights: list[float] = []
     for probe in probes:
         try:
             nodes, shape = interpolation(space, np.asarray(probe.point), f"probe {probe.name}")
@@ -194,7 +197,8 @@ def _probe_functionals(space: Any, numbering: Numbering, probes: tuple[Probe, ..
 
 def foot_middle(model: PlateModel) -> np.ndarray:
     """Return the point (2,) m about which moments are taken: the middle of the box that holds all supports and springs."""
-    points = [p for group in (*model.supports, *(model.springs if not model.supports else ())) for p in group.points]
+    groups: tuple[Support, ...] | tuple[Spring, ...] = model.supports or model.springs
+    points = [p for group in groups for p in group.points]
     if not points:
         return np.zeros(2)
     return 0.5 * (np.min(points, axis=0) + np.max(points, axis=0))

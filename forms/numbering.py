@@ -17,7 +17,7 @@ class Numbering:
     """
 
     def __init__(self, space: Any, restrained: np.ndarray, extra: int) -> None:
-        """Number the dofs of `space` (collective); `restrained` are owned local scalar dofs, `extra` this rank's extra rows."""
+        """Count the rows (collective); `restrained` are owned local scalar dofs of `space`, `extra` this rank's extra rows."""
         index_map, block = space.dofmap.index_map, space.dofmap.index_map_bs
         self.comm = space.mesh.comm
         self.n_field = index_map.size_local * block

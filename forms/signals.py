@@ -86,14 +86,14 @@ def tabulate(signal: Signal, step: float, end: float, digits: int) -> Table:
 def read_accelerogram(path: Path, scale: float = 1.0) -> Table:
     """Read times in s and accelerations, times `scale` in m/s2, from a CSV file of two columns.
 
-    The separator may be comma, semicolon or tab, the decimal sign is a point; one line of headings and lines beginning with # are passed over.
-    Raises `ModelError` naming the file and the line.
+    The separator may be comma, semicolon or tab, the decimal sign is a point; one line of headings and lines beginning with #
+    are passed over. Raises `ModelError` naming the file and the line.
     """
     try:
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         raise ModelError("", f"cannot read {path}: {getattr(error, 'strerror', None) or 'not a text file'}") from error
-    rows = []
+    rows: list[tuple[float, float]] = []
     headings_allowed = True
     for number, line in enumerate(text.splitlines(), start=1):
         if not line.strip() or line.lstrip().startswith("#"):
@@ -105,7 +105,8 @@ def read_accelerogram(path: Path, scale: float = 1.0) -> Table:
             if headings_allowed:
                 headings_allowed = False
                 continue
-            raise ModelError("", f"{path}, line {number}: expected a time and an acceleration, got {line!r:.60}") from None
+            expected = "expected a time and an acceleration"
+            raise ModelError("", f"{path}, line {number}: {expected}, got {line!r:.60}") from None
         headings_allowed = False
         if not (math.isfinite(time) and math.isfinite(value)):
             raise ModelError("", f"{path}, line {number}: expected finite numbers, got {line!r:.60}")

@@ -52,7 +52,7 @@ class Support(Checked):
     )
 
     def check(self) -> None:
-        """A unilateral contact has springs to push with, and what only such a contact knows is not asked of another."""
+        """Refuse a unilateral contact without springs to push with, and of a bonded one what only a unilateral one knows."""
         _check_stiffness("stiffness", self.stiffness)
         _check_stiffness("contact", self.contact)
         if self.gap > 0 and self.preload > 0:

@@ -63,10 +63,11 @@ class ContactProblem:
             self.tries += 1
             release = self._for_set(open_, tension, before)
             left = tension + self._less_one @ release
-            wrong = np.where(open_, -release[:n_c], left[:n_c]) > small
-            if not wrong.any():
+            excess = np.where(open_, -release[:n_c], left[:n_c])
+            if excess.max() <= small:
                 np.maximum(release[:n_c], 0.0, out=release[:n_c])
                 return release
+            wrong = excess > small
             count = int(wrong.sum())
             if count < best:
                 best, patience = count, 10

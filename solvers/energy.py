@@ -37,7 +37,7 @@ class EnergyMeter:
         reached = np.array([np.real(operators.loads[i].vector.dot(displacement)) for i in self._external])
         external = values[self._external]
         cross, power = 0.0, 0.0
-        if self._damped_vector is not None:
+        if self._damped_vector is not None and operators.damping is not None:
             if self._reached is not None:
                 cross = float(np.real(self._damped_vector.dot(velocity)))
             operators.damping.mult(velocity, self._damped_vector)

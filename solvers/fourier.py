@@ -1,7 +1,8 @@
 """The Fourier convention of the project, in one place.
 
-Forward, from N samples x_n at n dt:  X_k = sum_n x_n exp(-2 pi i k n / N), k = 0 ... N/2 (one-sided, unscaled), frequency k / (N dt).
-Inverse:  x_n = (1 / N) (X_0 + 2 Re sum_{0<k<N/2} X_k exp(2 pi i k n / N) + (-1)^n X_{N/2}); the mean (k = 0) and the Nyquist term are not doubled.
+Forward, from N samples x_n at n dt:  X_k = sum_n x_n exp(-2 pi i k n / N), k = 0 ... N/2 (one-sided, unscaled), at k / (N dt).
+Inverse:  x_n = (1 / N) (X_0 + 2 Re sum_{0<k<N/2} X_k exp(2 pi i k n / N) + (-1)^n X_{N/2});
+the mean (k = 0) and the Nyquist term are not doubled.
 A response therefore varies as exp(+i omega t) and its dynamic stiffness is K + i omega C - omega^2 M.
 """
 

@@ -4,7 +4,8 @@ A time scheme with constant steps is a rational function of the shift z = exp(-s
 U(z) = sum_n u_n z^n, the recurrences for displacement, velocity and acceleration give
 
     (K + d1(z) C + m(z) d2(z) M) U(z) = F(z),
-    d2 = (1 - z)^2 / (dt^2 p),  d1 = (1 - z) (gamma + (1 - gamma) z) / (dt p),  p = beta + (1/2 + gamma - 2 beta) z + (1/2 - gamma + beta) z^2,
+    d2 = (1 - z)^2 / (dt^2 p),  d1 = (1 - z) (gamma + (1 - gamma) z) / (dt p),
+    p = beta + (1/2 + gamma - 2 beta) z + (1/2 - gamma + beta) z^2,
     m = (1 - alpha_m + alpha_m z) / (1 - alpha_f + alpha_f z),
 
 for the trapezoidal rule d1 = 2 (1 - z) / (dt (1 + z)), d2 = d1^2. Solved at the points z_k = rho exp(-2 pi i k / L) of a circle, by
@@ -72,7 +73,7 @@ class Circle:
 
     @property
     def second(self) -> np.ndarray:
-        """m d2 (L/2 + 1,) in 1/s2."""
+        """M d2 (L/2 + 1,) in 1/s2."""
         return self._inertia_weight() * (1 - self.points) ** 2 / (self.step**2 * self._denominator())
 
     def _inertia_weight(self) -> np.ndarray:

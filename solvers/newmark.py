@@ -36,6 +36,9 @@ from solvers.parameters import Scheme
 BALANCED = 1e-9
 """A force that is left of the loads by less than this part of them is round-off: the state is one of rest."""
 
+FEW = 16
+"""Contacts."""
+
 SAME = PETSc.Mat.Structure.SAME_NONZERO_PATTERN
 
 
@@ -65,7 +68,9 @@ class State:
 
 def at_rest(operators: Operators) -> State:
     """Return the state of zero displacement, velocity, acceleration and release forces."""
-    return State(*(operators.new_vector() for _ in range(3)), np.zeros(operators.contacts.law.n_channels))
+    return State(
+        operators.new_vector(), operators.new_vector(), operators.new_vector(), np.zeros(operators.contacts.law.n_channels)
+    )
 
 
 def add_push(operators: Operators, release: np.ndarray, vector: Any) -> None:
@@ -162,8 +167,11 @@ class Newmark:
         scheme, dt = self.scheme, self.step
         right = self._balance(state, loads)
         before = state.release
-        state.release = np.zeros_like(before) if given is None else given
-        add_push(self.operators, (1 - scheme.alpha_f) * state.release + scheme.alpha_f * before, right)
+        if given is not None:
+            state.release = given
+            add_push(self.operators, (1 - scheme.alpha_f) * given + scheme.alpha_f * before, right)
+        elif scheme.alpha_f != 0:
+            add_push(self.operators, scheme.alpha_f * before, right)
         # The first step and every power of two are checked: cheap, and a factor gone bad is seen early.
         self.solver.solve(right, state.acceleration, check=(self._steps & (self._steps - 1)) == 0)
         self._steps += 1
@@ -208,8 +216,9 @@ class Newmark:
         elongation = self.operators.contacts.elongation
         tension = elongation.total(compliance.pull @ np.real(state.displacement.array_r))
         state.release = compliance.problem.solve(tension, before, self.load_scale)
-        acting = np.flatnonzero(state.release)
-        if acting.size:
+        if state.release.any():
+            # Of many contacts most stay closed; of a few it is quicker to take all.
+            acting = np.flatnonzero(state.release) if len(state.release) > FEW else slice(None)
             self._work.array[:] = ((1 - scheme.alpha_f) * state.release[acting]) @ compliance.answers[acting]
             state.acceleration.axpy(1.0, self._work)
             state.displacement.axpy(self.step**2 * scheme.beta, self._work)
@@ -227,7 +236,8 @@ def load_values(operators: Operators, times: np.ndarray, *, static_only: bool = 
 def load_scale(operators: Operators, values: np.ndarray) -> float:
     """Return the largest nodal load in N that the load histories (nt, n_loads) ever make: what round-off in forces is measured by."""
     largest = np.max(np.abs(values), axis=0, initial=0.0)
-    return max((float(v * load.vector.norm(PETSc.NormType.NORM_INFINITY)) for v, load in zip(largest, operators.loads, strict=True)), default=0.0)
+    nodal = [load.vector.norm(PETSc.NormType.NORM_INFINITY) for load in operators.loads]
+    return float(np.max(largest * nodal, initial=0.0))
 
 
 def loads_at(operators: Operators, values: np.ndarray, release: np.ndarray) -> Any:
@@ -335,6 +345,8 @@ def transient(
     with start.copy() as state:
         if given is not None:
             state.release = given[0]
+        elif method.compliance is None:
+            state.release = np.zeros_like(state.release)
         balance_acceleration(operators, state, values[0], method.step)
         farthest, peak, peak_field = -1.0, 0, None
         for n in range(steps + 1):

@@ -56,7 +56,7 @@ class Window(Checked):
     cutoff: float = quantity("highest frequency solved", "Hz", above=0.0)
 
     def check(self) -> None:
-        """The number of samples is even and the band lies below the Nyquist frequency."""
+        """Refuse an odd number of samples and a band beyond the Nyquist frequency."""
         if self.samples % 2:
             raise ModelError("samples", f"expected an even number, got {self.samples}")
         nyquist = self.samples / (2 * self.length)

@@ -23,8 +23,8 @@ from scipy import linalg
 from forms.operators import Operators, Reactions
 from forms.uplift import UpliftLaw
 from solvers.contact import ContactProblem, settled_release
-from solvers.history import History
 from solvers.errors import SolverError
+from solvers.history import History
 from solvers.linear import DirectSolver
 from solvers.parameters import Scheme
 
@@ -214,7 +214,8 @@ def static_state(model: ReducedModel, *, exact_uplift: bool = False) -> ReducedS
     release = np.zeros(model.law.n_channels)
     if exact_uplift and release.size:
         problem = ContactProblem(model.law, model.law.stiffness[:, None] * (model.elongation @ answers[:, 1:]))
-        release = settled_release(problem, model.law.tension(model.elongation @ answers[:, 0]), model.load_scale(model.load_values(np.zeros(1), static_only=True)))
+        scale = model.load_scale(model.load_values(np.zeros(1), static_only=True))
+        release = settled_release(problem, model.law.tension(model.elongation @ answers[:, 0]), scale)
     return ReducedState(answers[:, 0] + answers[:, 1:] @ release, np.zeros(model.basis.size), release)
 
 

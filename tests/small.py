@@ -42,7 +42,8 @@ def dense_operators(stiffness, mass, damping=None, loads=(), contacts=None):
 def contact_on(dof, stiffness, n):
     """One contact whose elongation is the displacement of `dof`, pushing it upwards."""
     row = sparse.csr_matrix(([1.0], ([0], [dof])), shape=(1, n))
-    return Contacts(("c1",), np.zeros((1, 2)), Functionals(("c1",), row, MPI.COMM_SELF), row.T.tocsr(), UpliftLaw(np.array([stiffness]), np.array([1 / stiffness])))
+    law = UpliftLaw(np.array([stiffness]), np.array([1 / stiffness]))
+    return Contacts(("c1",), np.zeros((1, 2)), Functionals(("c1",), row, MPI.COMM_SELF), row.T.tocsr(), law)
 
 
 def to_dense(matrix):

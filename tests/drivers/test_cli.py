@@ -15,6 +15,9 @@ pytestmark = pytest.mark.serial
 
 ROOT = Path(__file__).parents[2]
 SCENE = ROOT / "drivers" / "scenes" / "sdls119a.toml"
+WARNINGS_ARE_ERRORS = ["-W", "error", "-W", "ignore:Could not import numba:ImportWarning"]
+"""dolfinx 0.9 says on import that it could use numba."""
+
 TABLES = ["contacts", "history", "reactions"]
 FILES = sorted(["deformed.png", "deformed.vtu", "summary.json", *(f"{t}.{end}" for t in TABLES for end in ("csv", "png"))])
 
@@ -39,7 +42,7 @@ def read_history(path):
 )
 def test_run_writes_its_files(tmp_path, method, passes):
     out = tmp_path / "résultats d'essai"
-    done = drivers("run", SCENE, "--method", method, *passes, "--out", out, "--quiet", python=["-W", "error", "-W", "ignore:Could not import numba:ImportWarning"])
+    done = drivers("run", SCENE, "--method", method, *passes, "--out", out, "--quiet", python=WARNINGS_ARE_ERRORS)
     assert (done.returncode, done.stderr, done.stdout) == (0, "", "")
     expected = sorted([*FILES, "energy.csv", "energy.png"]) if method == "transient" else FILES
     assert sorted(p.name for p in out.iterdir()) == expected

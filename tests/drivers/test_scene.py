@@ -73,7 +73,8 @@ def test_mistake_is_named_by_key(tmp_path, old, new, key, words):
 
 
 def test_accelerogram_beside_the_scene(tmp_path):
-    start, end = SCENE.read_text(encoding="utf-8").split("[load]")[0], "[[supports]]" + SCENE.read_text(encoding="utf-8").split("[[supports]]")[1]
+    text = SCENE.read_text(encoding="utf-8")
+    start, end = text.split("[load]")[0], "[[supports]]" + text.split("[[supports]]")[1]
     path = tmp_path / "scene.toml"
     path.write_text(start + '[load]\ndirection = "Y"\nsignal = "csv"\nfile = "record.csv"\nscale = 2.0\n' + end, encoding="utf-8")
     with pytest.raises(ModelError, match="cannot read .*record.csv") as error:
@@ -100,3 +101,26 @@ def test_same_name_twice_is_refused(tmp_path):
     path = edited(tmp_path, "[transient]", '[[probes]]\nname = "P3"\npoint = "P4"\n\n[transient]')
     with pytest.raises(ModelError, match="'P3' is there twice"):
         read_scene(path)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"supports": (), "springs": ()}, "against sliding along X and moving along Y and rotation"),
+        ({"supports": ()}, "against sliding along X"),
+    ],
+)
+def test_a_plate_that_nothing_holds_is_refused_in_words(change, words):
+    scene = read_scene(SCENE)
+    loose = replace(scene, model=replace(scene.model, **change))
+    with pytest.raises(ModelError, match=words):
+        Request("transient").check(loose)
+    Request("transient").check(replace(loose, transient=replace(loose.transient, start="rest")))
+
+
+def test_one_support_lets_the_plate_turn():
+    scene = read_scene(SCENE)
+    support = replace(scene.model.supports[0], points=((2.0, 0.0),))
+    with pytest.raises(ModelError, match="against rotation"):
+        Request("modal").check(replace(scene, model=replace(scene.model, supports=(support,), springs=())))
+    Request("modal").check(replace(scene, model=replace(scene.model, supports=(support,))))

@@ -36,7 +36,10 @@ def test_table_is_rounded_up():
     assert tabulate(PULSE, 0.01, 5.0, 17).values == pytest.approx(exact, rel=1e-15)
 
 
-@pytest.mark.parametrize("text", ["t,a\n0,0\n1,2\n3,4\n", "# made up\n0;0\n1;2\n3;4\n", "time\taccel\r\n0\t0\r\n1\t2\r\n3\t4\r\n", "0,0,\n1,2,\n3,4,\n"])
+@pytest.mark.parametrize(
+    "text",
+    ["t,a\n0,0\n1,2\n3,4\n", "# made up\n0;0\n1;2\n3;4\n", "time\taccel\r\n0\t0\r\n1\t2\r\n3\t4\r\n", "0,0,\n1,2,\n3,4,\n"],
+)
 def test_accelerogram_is_read(tmp_path, text):
     path = tmp_path / "record.csv"
     path.write_text(text, encoding="utf-8")

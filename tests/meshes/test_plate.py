@@ -77,7 +77,10 @@ def test_mesh_file_of_unknown_format_is_refused(tmp_path):
 
 @pytest.mark.parametrize(
     ("values", "key"),
-    [({"width": -4.0}, "width"), ({"nx": 0}, "nx"), ({"cell": "hexagon"}, "cell"), ({"degree": 3}, "degree"), ({"height": np.inf}, "height")],
+    [
+        ({"width": -4.0}, "width"), ({"nx": 0}, "nx"), ({"cell": "hexagon"}, "cell"), ({"degree": 3}, "degree"),
+        ({"height": np.inf}, "height"),
+    ],
 )
 def test_impossible_plates_are_refused_by_key(values, key):
     with pytest.raises(ModelError) as error:

@@ -26,7 +26,18 @@ def run(scheme, step, duration=2.0):
     return history.times, history.probes
 
 
-@pytest.mark.parametrize(("scheme", "order"), [(Scheme(), 2), (Scheme(0.3025, 0.6), 1), (Scheme(1.0, 1.5), 1)])
+@pytest.mark.parametrize(
+    ("scheme", "order"),
+    [
+        (Scheme(), 2),
+        (Scheme(0.3025, 0.6), 1),
+        (Scheme(1.0, 1.5), 1),
+        (hilber_hughes_taylor(0.3), 2),
+        (generalised_alpha(0.0), 2),
+        (generalised_alpha(0.5), 2),
+        (generalised_alpha(1.0), 2),
+    ],
+)
 def test_order_of_the_scheme(scheme, order):
     """Least-squares slope over three steps, with damping and with initial displacement and velocity."""
     steps = np.array([0.004, 0.002, 0.001])
@@ -36,7 +47,8 @@ def test_order_of_the_scheme(scheme, order):
         errors.append(np.max(np.abs(here - oscillator.step_response(times))))
     slope = np.polyfit(np.log(steps), np.log(errors), 1)[0]
     assert order - 0.1 < slope < order + 0.1
-    assert errors[-1] < (2e-5 if order == 2 else 0.3)
+    # The most dissipative of the second-order schemes has the largest error constant: 3e-5 at this step.
+    assert errors[-1] < (5e-5 if order == 2 else 0.3)
 
 
 def test_small_steps_keep_their_digits():
