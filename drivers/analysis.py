@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from drivers.runtime import form_compiler
+from drivers.runtime import form_compiler, silent_compiler
 from drivers.scene import Scene
 from forms.model import AssembledPlate, assemble_plate, compile_plate
 from forms.operators import Operators
@@ -111,7 +111,7 @@ def prepare(scene: Scene, comm: Any) -> Plant:
     clock = Clock()
     with clock.phase("mesh"):
         tagged = build_plate(comm, scene.plate)
-    with clock.phase("forms and compilation"):
+    with clock.phase("forms and compilation"), silent_compiler():
         compiled = compile_plate(tagged, scene.plate.degree, scene.model.material, form_compiler(comm))
     with clock.phase("assembly"):
         assembled = assemble_plate(compiled, scene.model)

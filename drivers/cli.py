@@ -14,10 +14,15 @@ from meshes.checked import ModelError
 from solvers.errors import SolverError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from drivers.analysis import Plant
     from drivers.scene import Scene
     from solvers.passes import Passes
 
 BAD_INPUT, FAILED = 2, 1
+
+REFERENCE = Path(__file__).parent / "scenes" / "sdls119a.toml"
 
 MANY = 500
 """Published passes at most, where only a tolerance is given."""
@@ -60,7 +65,7 @@ def _parser() -> argparse.ArgumentParser:
                      help="published passes over the contact forces, for comparison with the source; 1 is the linear answer, every contact "
                           "bonded; 'exact' overrules the scene. Default: what the scene says, else uplift is solved exactly")
     run.add_argument("--tolerance", type=_positive, metavar="TOL",
-                     help=f"end the published passes when change and law are met to TOL; exit code 1 if N passes (default {MANY}) do not do")
+                     help=f"end the published passes when change and law are met to TOL; exit code 1 if N (default {MANY}) do not do")
     run.add_argument("--out", type=Path, metavar="DIR", help="folder of the results (default: results/SCENE/METHOD)")
     run.add_argument("--no-plots", action="store_true", help="draw no pictures")
     run.add_argument("--quiet", action="store_true", help="print errors only")
@@ -78,6 +83,48 @@ def _parser() -> argparse.ArgumentParser:
     mesh.add_argument("scene", type=Path, metavar="SCENE.toml", help="the scene file")
     mesh.add_argument("--out", type=Path, required=True, metavar="FILE", help="ends in .msh, .vtu, .xdmf or .med")
     mesh.set_defaults(command=_mesh)
+
+    modes = commands.add_parser(
+        "modes", help="table, pictures and a ParaView file of the modes",
+        description="Find the modes of a scene, every contact bonded, with their damping ratios and effective masses.",
+    )
+    modes.add_argument("scene", type=Path, metavar="SCENE.toml", help="the scene file")
+    which = modes.add_mutually_exclusive_group()
+    which.add_argument("--number", type=int, metavar="N", help="the N lowest modes (default: what the section [modal] says, else 20)")
+    which.add_argument("--band", type=float, nargs=2, metavar=("LOW", "HIGH"), help="all modes between two frequencies in Hz")
+    modes.add_argument("--out", type=Path, metavar="DIR", help="folder of the results (default: results/SCENE/modes)")
+    modes.add_argument("--no-plots", action="store_true", help="draw no pictures")
+    modes.add_argument("--quiet", action="store_true", help="print errors only")
+    modes.set_defaults(command=_modes)
+
+    truncation = commands.add_parser(
+        "truncation", help="error against the number of modes",
+        description="Compare modal runs on 5 modes to all, with and without static correction, with the run in all dofs.",
+    )
+    truncation.add_argument("scene", type=Path, metavar="SCENE.toml", help="the scene file")
+    truncation.add_argument("--out", type=Path, metavar="DIR", help="folder of the results (default: results/SCENE/truncation)")
+    truncation.add_argument("--no-plots", action="store_true", help="draw no pictures")
+    truncation.add_argument("--quiet", action="store_true", help="print errors only")
+    truncation.set_defaults(command=_truncation)
+    cost = commands.add_parser(
+        "cost", help="what exact uplift costs beside a linear run",
+        description="Measure exact uplift against linear runs, bare solves and sweeps on finer and finer meshes; write a page.",
+    )
+    cost.add_argument("scene", type=Path, nargs="?", default=REFERENCE, metavar="SCENE.toml", help="default: sdls119a.toml")
+    cost.add_argument("--out", type=Path, default=Path("docs/cost.md"), metavar="FILE", help="default: %(default)s")
+    cost.add_argument("--quick", action="store_true", help="small meshes only")
+    cost.add_argument("--sweeps-only", action="store_true", help=argparse.SUPPRESS)
+    cost.set_defaults(command=_cost, quiet=True)
+    survey = commands.add_parser(
+        "survey", help="uplift case by case, by every method",
+        description="Vary the scene one parameter at a time, solve uplift exactly by two methods and by the published passes, and write a "
+                    "page of tables; exit code 1 if the exact methods differ.",
+    )
+    survey.add_argument("scene", type=Path, nargs="?", default=REFERENCE, metavar="SCENE.toml", help="default: sdls119a.toml")
+    survey.add_argument("--out", type=Path, default=Path("docs/uplift.md"), metavar="FILE.md", help="default: %(default)s")
+    survey.add_argument("--quick", action="store_true", help="three cases only")
+    survey.add_argument("--quiet", action="store_true", help="print errors only")
+    survey.set_defaults(command=_survey)
     return parser
 
 
@@ -170,6 +217,34 @@ def _verify(options: argparse.Namespace, begin: float) -> int:
         return 0 if verify(comm, options.out, plots=not options.no_plots) else FAILED
 
 
+def _cost(options: argparse.Namespace, begin: float) -> int:
+    from drivers.scene import read_scene
+
+    scene = read_scene(options.scene)
+    Request("transient").check(scene)
+    runtime.choose_scalars("complex" if options.sweeps_only else "real")
+    with runtime.parallel() as comm:
+        from drivers import cost
+
+        if options.sweeps_only:
+            import json
+
+            runtime.say(json.dumps(cost.sweeps(scene, comm, quick=options.quick)))
+            return 0
+        sweep = cost.sweep_in_child(options.scene, options.quick) if comm.size == 1 else ()
+        cost.cost(scene, comm, options.out, quick=options.quick, sweep=sweep)
+    return 0
+
+
+def _survey(options: argparse.Namespace, begin: float) -> int:
+    runtime.choose_scalars("complex")
+    runtime.configure_log(quiet=True)  # hundreds of passes would each say what they changed
+    with runtime.parallel() as comm:
+        from drivers.survey import survey
+
+        return 0 if survey(comm, options.scene, options.out, quick=options.quick, quiet=options.quiet) else FAILED
+
+
 def _mesh(options: argparse.Namespace, begin: float) -> int:
     from drivers.output import writable_folder
     from drivers.scene import read_scene
@@ -179,4 +254,46 @@ def _mesh(options: argparse.Namespace, begin: float) -> int:
     writable_folder(options.out.absolute().parent)
     write_mesh(scene.plate, options.out)
     runtime.say(f"{options.out}: {scene.plate.nx} x {scene.plate.ny} cells")
+    return 0
+
+
+def _modes(options: argparse.Namespace, begin: float) -> int:
+    def study(plant: Plant, out: Path) -> list[str]:
+        from drivers.modes import tabulate_modes, wanted_modes
+
+        wanted = wanted_modes(plant.scene, options.number, options.band)
+        return tabulate_modes(plant, wanted, out, plots=not options.no_plots)
+
+    return _study(options, begin, "modes", study)
+
+
+def _truncation(options: argparse.Namespace, begin: float) -> int:
+    def study(plant: Plant, out: Path) -> list[str]:
+        from drivers.truncation import tabulate_truncation
+
+        return tabulate_truncation(plant, out, plots=not options.no_plots)
+
+    return _study(options, begin, "truncation", study)
+
+
+def _study(options: argparse.Namespace, begin: float, name: str, study: Callable[[Plant, Path], list[str]]) -> int:
+    """Assemble the scene, let `study` write its files into a folder, and print the lines that it returns."""
+    from drivers.output import writable_folder
+    from drivers.scene import read_scene
+
+    scene = read_scene(options.scene)
+    runtime.choose_scalars("real")
+    out = options.out or Path("results") / options.scene.stem / name
+    if runtime.launch_rank() == 0:
+        writable_folder(out)
+    with runtime.parallel() as comm:
+        from drivers.analysis import prepare
+
+        start_up = time.perf_counter() - begin
+        with prepare(scene, comm) as plant:
+            plant.clock.add("start-up", start_up)
+            lines = study(plant, out)
+            if not options.quiet:
+                runtime.say("\n".join(lines))
+                runtime.say(f"\nseconds: {plant.clock.line()}\nfiles in {out}")
     return 0

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import logging
+
 import numpy as np
 
 from drivers.analysis import Analysis, Plant
@@ -13,6 +15,8 @@ from solvers.history import History
 from solvers.newmark import Newmark, State, at_rest, settled_state, static_state, transient
 from solvers.parameters import Scheme, Window
 from solvers.passes import Passes, published_passes
+
+log = logging.getLogger(__name__)
 
 FEW = 10
 """So many passes are all kept; of more, the first and the last two."""
@@ -152,6 +156,8 @@ def _modal(plant: Plant, request: Request) -> Analysis:
         basis = found.basis
         if modal.static_correction:
             basis = reduced.with_static_answers(operators, basis)
+        elif exact and operators.contacts.names:
+            log.warning("modes alone give the contact forces badly and exact uplift with them: set modal.static_correction = true")
         model = reduced.project(operators, basis, diagonal=modal.diagonal)
     with plant.clock.phase("solution"):
         if settings.start == "rest":

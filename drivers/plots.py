@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from meshes.gather import WholeMesh
 
 
-def _new_figure(width: float, height: float) -> Any:
-    """Return an empty figure, drawn without a screen."""
+def _new_figure(width: float, height: float, layout: str | None = "constrained") -> Any:
+    """Return an empty figure in inches, drawn without a screen."""
     folder = os.environ.get("MPLCONFIGDIR")
     if "matplotlib" not in sys.modules and folder and os.path.isdir(folder) and not os.access(folder, os.W_OK):
         # A read-only installation: matplotlib would complain and search all fonts again without a copy of its cache.
@@ -29,7 +29,7 @@ def _new_figure(width: float, height: float) -> Any:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(width, height), layout="constrained")
+    figure = Figure(figsize=(width, height), layout=layout)
     FigureCanvasAgg(figure)
     return figure
 
@@ -109,9 +109,12 @@ def draw_uplift(path: Path, times: np.ndarray, lifted: np.ndarray, title: str) -
 
 def _panels(number: int, title: str) -> tuple[Any, Any]:
     """Return a figure with `number` panels over time, one above the other."""
-    figure = _new_figure(9, 2.4 * number + 0.9)
+    height = 2.4 * number + 1.1
+    figure = _new_figure(9, height, layout=None)  # fixed margins take half the time of a layout that is solved for
     figure.suptitle(_wrapped(title, 110), fontsize=11)
     axes = figure.subplots(number, 1, sharex=True, squeeze=False)[:, 0]
+    figure.subplots_adjust(left=0.125, right=0.98, bottom=0.5 / height, top=1 - 0.75 / height, hspace=0.1)
+    figure.align_ylabels(axes)
     for axis in axes:
         axis.grid(alpha=0.3)
     axes[-1].set_xlabel("t [s]")
@@ -166,3 +169,66 @@ def _round_down(value: float) -> float:
     """Return the largest of 1, 2, 5 times a power of ten below `value`."""
     power = 10.0 ** np.floor(np.log10(value))
     return float(max(m for m in (1.0, 2.0, 5.0) if m * power <= value) * power)
+
+
+def draw_modes(
+    path: Path, mesh: WholeMesh, labels: list[str], shapes: np.ndarray, held: dict[str, np.ndarray], title: str
+) -> None:
+    """Draw mode shapes (n_modes, n_nodes, 2), largest displacement 1, one panel each.
+
+    `held` are the points (n, 2) m where supports or springs of each kind hold the plate.
+    """
+    from matplotlib.collections import PolyCollection
+
+    plain, corners = mesh.points[:, :2], mesh.corners
+    extent = float(np.max(np.ptp(plain, axis=0)))
+    span_x, span_y = (float(s) for s in np.ptp(plain, axis=0) + 0.3 * extent)
+    across = min(len(labels), 3)
+    down = -(-len(labels) // across)
+    width = min(3.4, 4.4 * span_x / span_y)
+    figure = _new_figure(max(across * (width + 0.15) + 1.6, 6.0), down * (width * span_y / span_x + 0.3) + 1.3)
+    axes = figure.subplots(down, across, squeeze=False, sharex=True, sharey=True)
+    many = len(corners) > 4000
+    marks = {"support": {"marker": "^", "color": "tab:red"}, "plain spring": {"marker": "D", "color": "tab:orange", "mfc": "none"}}
+    for axis in axes.flat[len(labels) :]:
+        axis.set_axis_off()
+    for axis, label, shape in zip(axes.flat, labels, shapes, strict=False):
+        moved = (plain + 0.12 * extent * shape)[corners]
+        size = np.linalg.norm(shape, axis=1)[corners].mean(axis=1)
+        axis.add_collection(PolyCollection(plain[corners], facecolors="none", edgecolors="0.8", linewidths=0.0 if many else 0.8))
+        edges = {"edgecolors": "face" if many else "white", "linewidths": 0.0 if many else 0.4}
+        faces = PolyCollection(moved, array=size, cmap="viridis", clim=(0.0, 1.0), **edges)
+        axis.add_collection(faces)
+        for kind, points in held.items():
+            if len(points):
+                axis.plot(*points.T, ls="none", ms=6, clip_on=False, zorder=3, label=kind, **marks[kind])
+        axis.set_title(label, fontsize=10)
+        axis.set_aspect("equal")
+        axis.set_xlim(plain[:, 0].min() - 0.15 * extent, plain[:, 0].max() + 0.15 * extent)
+        axis.set_ylim(plain[:, 1].min() - 0.15 * extent, plain[:, 1].max() + 0.15 * extent)
+    for axis in axes[-1]:
+        axis.set_xlabel("X [m]")
+    for axis in axes[:, 0]:
+        axis.set_ylabel("Y [m]")
+    figure.colorbar(faces, ax=axes, label="displacement, largest = 1", shrink=0.7)
+    if any(len(points) for points in held.values()):
+        axes[-1, (across - 1) // 2].legend(loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=2, fontsize=9, frameon=False)
+    figure.suptitle(_wrapped(title, 85), fontsize=10)
+    figure.savefig(path, dpi=120)
+
+
+def draw_truncation(path: Path, counts: np.ndarray, panels: dict[str, dict[str, np.ndarray]], title: str) -> None:
+    """Draw relative errors (n,) against numbers of modes (n,), one panel for each quantity, one line for each way."""
+    figure = _new_figure(5.4 * len(panels), 4.8)
+    figure.suptitle(_wrapped(title, 110), fontsize=11)
+    for axis, (quantity, lines) in zip(figure.subplots(1, len(panels), squeeze=False)[0], panels.items(), strict=True):
+        for (name, errors), style in zip(lines.items(), ("o--", "s-"), strict=True):
+            axis.loglog(counts, errors, style, lw=1.4, ms=5, label=name)
+        axis.set_xticks(counts, [str(n) for n in counts], fontsize=8)
+        axis.set_xticks([], minor=True)
+        axis.set_xlabel("modes")
+        axis.set_ylabel("relative error")
+        axis.set_title(quantity, fontsize=10)
+        axis.grid(alpha=0.3)
+        axis.legend(fontsize=9)
+    figure.savefig(path, dpi=120)

@@ -114,6 +114,17 @@ def parallel() -> Iterator[Any]:
             comm.Abort(1)
 
 
+@contextmanager
+def silent_compiler() -> Iterator[None]:
+    """Keep the command lines of the C compiler, which it sends to the root logger, out of the log."""
+    level = logging.root.manager.disable
+    logging.disable(logging.INFO)
+    try:
+        yield
+    finally:
+        logging.disable(level)
+
+
 def form_compiler(comm: Any) -> Callable[[Any], Any]:
     """Return the function that compiles forms on the ranks of `comm`, in the user's form cache.
 
@@ -122,8 +133,6 @@ def form_compiler(comm: Any) -> Callable[[Any], Any]:
     from meshes.releases import compile_form
 
     def compile_anywhere(form: Any) -> Any:
-        level = logging.root.manager.disable
-        logging.disable(logging.INFO)  # the C compiler's command lines are nobody's business
         try:
             return compile_form(form)
         except (OSError, RuntimeError):
@@ -132,8 +141,6 @@ def form_compiler(comm: Any) -> Callable[[Any], Any]:
             if comm.rank == 0:
                 atexit.register(shutil.rmtree, folder, ignore_errors=True)
             return compile_form(form, folder)
-        finally:
-            logging.disable(level)
 
     return compile_anywhere
 

@@ -144,7 +144,7 @@ def _lowest(
     operators: Operators, number: int, shift: float, prefix: str
 ) -> tuple[int, SturmCount, np.ndarray, np.ndarray]:
     """Return `number`, the count up to the first gap beyond so many modes, and eigenvalues and vectors below that gap."""
-    available = _dofs_with_mass(operators)
+    available = dofs_with_mass(operators)
     if not 1 <= number <= available:
         raise ModelError("number", f"expected >= 1 and <= {available}, the dofs that have mass, got {number}")
     below = _count_below(operators, shift)
@@ -181,7 +181,7 @@ def _in_band(
         raise _unheld(below)
     sturm = SturmCount(lower, upper, below, _count_below(operators, upper))
     if sturm.inside == 0:
-        near, _ = _nearest(operators, (lower + upper) / 2, min(2, _dofs_with_mass(operators)), prefix)
+        near, _ = _nearest(operators, (lower + upper) / 2, min(2, dofs_with_mass(operators)), prefix)
         named = " and ".join(f"{f:.6g} Hz" for f in np.sqrt(np.maximum(near, 0)) / (2 * np.pi))
         raise ModelError("band", f"there is no mode between {low:g} and {high:g} Hz; the nearest are at {named}")
     values, vectors = _nearest(operators, _aim(sturm, shift), sturm.inside, prefix)
@@ -265,7 +265,8 @@ def _unheld(count: int) -> SolverError:
     )
 
 
-def _dofs_with_mass(operators: Operators) -> int:
+def dofs_with_mass(operators: Operators) -> int:
+    """Return the number of dofs that have mass, which is the number of modes (collective)."""
     return int(operators.comm.allreduce(int(np.sum(_diagonal(operators.mass) > 0))))
 
 
@@ -327,7 +328,7 @@ def _nearest(
 
     Vectors are M-orthonormal, and complex with complex PETSc. `away_from` (n_local, k) are vectors to stay M-orthogonal to.
     """
-    if away_from is None and operators.n <= DENSE and 2 * number > _dofs_with_mass(operators):
+    if away_from is None and operators.n <= DENSE and 2 * number > dofs_with_mass(operators):
         return _nearest_by_jacobi(operators, shift, number)
     eps = SLEPc.EPS().create(operators.comm)
     eps.setOptionsPrefix(prefix)

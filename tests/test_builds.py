@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from drivers.runtime import PETSC, SLEPC
@@ -13,6 +14,28 @@ from drivers.runtime import PETSC, SLEPC
 ROOT = Path(__file__).parents[1]
 COMPLEX = {"PETSC_DIR": str(PETSC / "petsc-complex"), "SLEPC_DIR": str(SLEPC / "slepc-complex")}
 AS_ROOT = {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1", "OMP_NUM_THREADS": "1"}
+
+
+def child(command):
+    """Run a command without what an MPI launcher has left in this process's environment."""
+    environment = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_COMM", "PMIX"))} | AS_ROOT
+    return subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=240)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("options", [["transient"], ["time-frequency"], ["time-frequency", "--iterations", "2"], ["modal"]])
+def test_ranks_agree(options, tmp_path):
+    histories = []
+    for ranks in (1, 2, 3):
+        launcher = [] if ranks == 1 else [shutil.which("mpirun"), "--oversubscribe", "-n", str(ranks)]
+        out = tmp_path / str(ranks)
+        scene = ROOT / "drivers" / "scenes" / "sdls119a.toml"
+        done = child([*launcher, sys.executable, "-m", "drivers", "run", str(scene), "--method", *options, "--no-plots", "--quiet",
+                      "--out", str(out)])
+        assert done.returncode == 0, done.stderr
+        histories.append(np.genfromtxt(out / "history.csv", delimiter=",", skip_header=1)[:, 1:3])
+    for other in histories[1:]:
+        assert np.max(np.abs(other - histories[0])) < 1e-9 * np.max(np.abs(histories[0]))
 
 
 @pytest.mark.serial

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from drivers.analysis import prepare
+from drivers.cost import on_a_line
 from solvers.newmark import Newmark, static_state, transient
 from solvers.parameters import Scheme, generalised_alpha, hilber_hughes_taylor
+from solvers.passes import published_passes
 from tests import bouncing
 
 DT = 0.005
@@ -161,3 +163,40 @@ def test_sideways_released_supports_slide_while_open(sdls119a, comm):
     assert np.max(np.abs(sideways[1:][is_open[1:] & is_open[:-1]])) < 1e-3 * scale
     closed = ~is_open[1:] & ~is_open[:-1]
     assert np.array_equal(history.release[1:, n:][closed], history.release[:-1, n:][closed])
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(("every", "limit"), [(1, None), (2, [-0.0568127, 0.0095451])])
+def test_published_passes_end_at_the_exact_answer(sdls119a, comm, every, limit):
+    """With tensions at every step they end at the exact answer; with the source's, every second step, beside it."""
+    exact, _, _ = lifted(sdls119a, comm)
+    with prepare(sdls119a, comm) as plant, static_state(plant.operators) as start, Newmark(plant.operators, Scheme(), DT) as method:
+
+        def solve(release):
+            return transient(method, start, 500, every=every, release=release)
+
+        passes = published_passes(solve, plant.operators.contacts.law, 300, tolerance=1e-9, keep_all=False)
+    assert passes.ended == "converged"
+    assert passes.number > 100
+    final = passes.final.probes
+    if limit is None:
+        assert np.max(np.abs(final - exact.probes)) < 1e-7 * np.max(np.abs(exact.probes))
+    else:
+        assert final[234] == pytest.approx(limit, abs=5e-8)
+
+
+@pytest.mark.serial
+def test_many_supports_on_a_line(sdls119a, comm):
+    """Supports that share the stiffness of the five: the law holds at each of them, and the weight is carried."""
+    scene = on_a_line(sdls119a, 41)
+    history, law, mass = lifted(replace(scene, plate=replace(scene.plate, ny=10)), comm, steps=480)
+    compression = law.compression(law.tension(history.elongation), history.release)
+    assert compression.shape[1] == 41
+    assert np.min(compression) > -1e-6
+    # The joints, 41 x 0.1 kg, rest on their own springs.
+    assert compression[0].sum() == pytest.approx(9.81 * (mass - 4.1), rel=1e-6)
+    share = (history.release > 0).mean(axis=1)
+    assert 0.4 < share.max() < 1.0
+    # They open from the edge inwards: what is open at an instant lies in one piece at either end.
+    for is_open in history.release[share > 0] > 0:
+        assert np.count_nonzero(np.diff(is_open.astype(int))) <= 2

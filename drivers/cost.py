@@ -1,0 +1,182 @@
+"""What exact uplift costs, as ratios within one run: against the linear march, the bare solves, and the sweep."""
+
+from __future__ import annotations
+
+import platform
+import time
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from drivers.analysis import Plant, prepare
+from drivers.output import versions, writable_folder
+from drivers.runtime import say
+from drivers.scene import Scene
+from solvers.newmark import Newmark, State, static_state, transient
+from solvers.parameters import Scheme
+
+DURATION = 2.6
+"""s: so many of the reference case hold its strongest uplift; all marches cover it, however many steps they take."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """Costs on one mesh, wall seconds."""
+
+    dofs: int
+    supports: int
+    steps: int
+    factor: float
+    solves: float
+    """Of as many bare solves as steps."""
+    linear: float
+    """Linear march without its factorisation."""
+    exact: float
+    compliance: float
+    """Extra solves for the compliance of the contacts."""
+
+    @property
+    def over_solves(self) -> float:
+        """Linear run over one factorisation and the bare solves."""
+        return (self.factor + self.linear) / (self.factor + self.solves)
+
+    @property
+    def over_linear(self) -> float:
+        """Run with exact uplift over the linear run, everything counted."""
+        return (self.factor + self.compliance + self.exact) / (self.factor + self.linear)
+
+
+def refined(scene: Scene, factor: int) -> Scene:
+    """Return the scene on a mesh refined by `factor` in both directions."""
+    return replace(scene, plate=replace(scene.plate, nx=scene.plate.nx * factor, ny=scene.plate.ny * factor))
+
+
+def on_a_line(scene: Scene, supports: int) -> Scene:
+    """Return the scene on a line of so many supports that share the stiffness of its own, one under each bottom node."""
+    own = scene.model.supports[0]
+    nx, width = supports - 1, scene.plate.width
+    share = own.stiffness[own.axis] * len(own.points) / supports
+    stiffness = (own.stiffness[0], share) if own.axis == 1 else (share, own.stiffness[1])
+    line = replace(own, points=tuple((width * i / nx, 0.0) for i in range(supports)), stiffness=stiffness)
+    return replace(scene, plate=replace(scene.plate, nx=nx, ny=20), model=replace(scene.model, supports=(line,)))
+
+
+def measure(scene: Scene, comm: Any, steps: int, repeat: int = 3) -> Row:
+    """Measure one mesh; of repeated marches the fastest counts."""
+    with prepare(scene, comm) as plant, static_state(plant.operators, exact_uplift=True) as start:
+        operators, step = plant.operators, DURATION / steps
+        begin = time.perf_counter()
+        with Newmark(operators, Scheme(), step) as method:
+            factor = time.perf_counter() - begin
+            solves = min(_bare_solves(plant, method, steps) for _ in range(repeat))
+            linear = min(_seconds(method, start, steps) for _ in range(repeat))
+        begin = time.perf_counter()
+        with Newmark(operators, Scheme(), step, exact_uplift=True) as method:
+            compliance = max(time.perf_counter() - begin - factor, 0.0)
+            exact = min(_seconds(method, start, steps) for _ in range(repeat))
+        return Row(operators.n, len(operators.contacts.names), steps, factor, solves, linear, exact, compliance)
+
+
+def _seconds(method: Newmark, start: State, steps: int) -> float:
+    begin = time.perf_counter()
+    transient(method, start, steps)
+    return time.perf_counter() - begin
+
+
+def _bare_solves(plant: Plant, method: Newmark, steps: int) -> float:
+    right, solution = plant.operators.new_vector(), plant.operators.new_vector()
+    right.set(1.0)
+    begin = time.perf_counter()
+    for _ in range(steps):
+        method.solver.solve(right, solution)
+    seconds = time.perf_counter() - begin
+    right.destroy()
+    solution.destroy()
+    return seconds
+
+
+def measure_sweep(scene: Scene, comm: Any, steps: int) -> tuple[int, float, float]:
+    """Return dofs, seconds of the sweep and seconds of the march of a time-frequency run (complex PETSc)."""
+    from solvers.laplace import laplace_run
+
+    with prepare(scene, comm) as plant, static_state(plant.operators, exact_uplift=True) as start:
+        run = laplace_run(plant.operators, Scheme(), DURATION / steps, steps, start)
+        return plant.operators.n, run.factor_seconds + run.solve_seconds, run.march_seconds
+
+
+def cost(scene: Scene, comm: Any, out: Path, *, quick: bool, sweep: tuple[tuple[int, float, float], ...]) -> None:
+    """Measure the meshes, print the table and write it as a page (collective)."""
+    cases = [(refined(scene, 1), 1000), (refined(scene, 4), 500)]
+    if not quick:
+        cases += [(refined(scene, 16), 300), (refined(scene, 32), 120), (on_a_line(scene, 400), 5000)]
+    head = (
+        "| dofs | supports | steps | factorisation s | bare solves s | linear march s | exact march s "
+        "| linear run / (factorisation + solves) | exact / linear run |"
+    )
+    lines = [head, "|" + "---:|" * 9]
+    for line in lines:
+        say(line)
+    for case, steps in cases:
+        row = measure(case, comm, steps, repeat=3 if steps < 5000 else 1)
+        lines.append(
+            f"| {row.dofs:,} | {row.supports} | {row.steps:,} | {row.factor:.3f} | {row.solves:.3f} | {row.linear:.3f} | {row.exact:.3f} "
+            f"| {row.over_solves:.2f} | {row.over_linear:.2f} |"
+        )
+        say(lines[-1])
+    lines += ["", "| dofs | steps | sweep s | march s | march / sweep |", "|" + "---:|" * 5]
+    for dofs, swept, marched in sweep:
+        lines.append(f"| {dofs:,} | {SWEEP_STEPS:,} | {swept:.3f} | {marched:.3f} | {marched / swept:.2f} |")
+        say(lines[-1])
+    if comm.rank == 0:
+        writable_folder(out.absolute().parent)
+        out.write_text(_page(lines, quick), encoding="utf-8")
+        say(f"page in {out}")
+
+
+SWEEP_STEPS = 1000
+"""Steps of the sweeps that are measured."""
+
+
+def _page(lines: list[str], quick: bool) -> str:
+    about = versions()
+    command = "python3 -m drivers cost" + (" --quick" if quick else "")
+    return f"""# What exact uplift costs
+
+Every number is wall seconds in one run on one core; only the ratios mean anything on another machine. The linear march keeps every
+contact bonded; the exact one finds the open contacts at every step. Both cover {DURATION:g} s of the reference case, its strongest
+uplift included, on finer and finer meshes, and of repeated marches the fastest counts. The last row of the first table has 400
+supports on a line. At a hundred dofs a solve takes three microseconds, and the linear run is ten times as long as its solves because
+a step is some twenty calls from Python.
+
+{chr(10).join(lines)}
+
+Made by `{command}` on {datetime.now(UTC):%Y-%m-%d} with dolfinx {about["dolfinx"]}, PETSc {about["petsc"]}, Python {about["python"]}
+({platform.machine()}, {_processor()}).
+"""
+
+
+def _processor() -> str:
+    try:
+        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
+            if line.startswith("model name"):
+                return line.split(":", 1)[1].strip()
+    except OSError:
+        pass
+    return platform.processor() or "unknown processor"
+
+
+def sweep_in_child(scene: Path, quick: bool) -> tuple[tuple[int, float, float], ...]:
+    """Measure the sweeps in a process with complex PETSc and return (dofs, sweep seconds, march seconds) of each."""
+    import json
+    import subprocess
+    import sys
+
+    command = [sys.executable, "-m", "drivers", "cost", str(scene), "--sweeps-only", *(["--quick"] if quick else [])]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    return tuple(tuple(row) for row in json.loads(done.stdout.splitlines()[-1]))
+
+
+def sweeps(scene: Scene, comm: Any, *, quick: bool) -> list[tuple[int, float, float]]:
+    """Measure the sweeps here: reference mesh, and four times finer unless `quick`."""
+    return [measure_sweep(refined(scene, factor), comm, SWEEP_STEPS) for factor in ((1,) if quick else (1, 4))]

@@ -1,0 +1,245 @@
+"""The undamped modes of a scene: table, pictures and a file for ParaView."""
+
+from __future__ import annotations
+
+import csv
+import logging
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from drivers.analysis import Plant
+from drivers.output import all_or_nothing, versions, write_summary
+from drivers.scene import Scene
+from meshes.checked import ModelError
+from meshes.gather import WholeMesh, gather_mesh, gather_nodal
+from solvers.errors import SolverError
+from solvers.modal import Modes, dofs_with_mass, effective_masses, modes
+
+USUAL = 20
+"""Modes of a scene that asks for none."""
+
+DRAWN = 6
+"""Modes in the picture at most."""
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """Which modes are asked for, and by whom."""
+
+    number: int | None
+    band: tuple[float, float] | None
+    """(low, high) in Hz."""
+    shift: float
+    """rad2/s2."""
+    number_key: str = "modal.number"
+    band_key: str = "modal"
+
+
+def wanted_modes(scene: Scene, number: int | None, band: Sequence[float] | None) -> Wanted:
+    """Return what the command line asks for, else what the scene does, else the usual number."""
+    modal = scene.modal
+    shift = modal.shift if modal else 0.0
+    if number is not None:
+        return Wanted(number, None, shift, number_key="--number")
+    if band is not None:
+        return Wanted(None, (band[0], band[1]), shift, band_key="--band")
+    return Wanted(modal.number, modal.band, shift) if modal else Wanted(None, None, shift)
+
+
+def find_modes(plant: Plant, wanted: Wanted) -> Modes:
+    """Return the modes (collective). Raises `ModelError` for a number or a band that the model has not, or if nothing holds it."""
+    number = wanted.number
+    if number is None and wanted.band is None:
+        number = min(USUAL, dofs_with_mass(plant.operators))
+    try:
+        return modes(plant.operators, number=number, band=wanted.band, shift=wanted.shift)
+    except ModelError as error:
+        key = {"number": wanted.number_key, "band": wanted.band_key, "shift": "modal.shift"}.get(error.key, "modal")
+        raise ModelError(key, error.message) from None
+    except SolverError:
+        if wanted.shift < 0:
+            raise
+        rigid, shift = _rigid_modes(plant)
+        if rigid == 0:
+            raise
+        raise ModelError(
+            "modal",
+            f"the plate can move without strain, in {rigid} rigid-body mode(s) or mechanism(s), so its stiffness is singular; hold it by "
+            f"supports or springs, or set modal.shift < 0, such as {shift:g} rad2/s2, to find these modes at 0 Hz",
+        ) from None
+
+
+def _rigid_modes(plant: Plant) -> tuple[int, float]:
+    """Return the number of modes without strain and the shift in rad2/s2 with which they were found (collective).
+
+    The shift is that of a wave which crosses the plate in 1 s / sqrt(-shift), so of the size of its lowest eigenvalues.
+    """
+    material, plate = plant.scene.model.material, plant.scene.plate
+    shift = -float(f"{material.young / material.density / max(plate.width, plate.height) ** 2:.1g}")
+    level = logging.root.manager.disable
+    logging.disable(logging.INFO)  # nobody asked for these modes
+    try:
+        return modes(plant.operators, number=min(USUAL, dofs_with_mass(plant.operators)), shift=shift).rigid, shift
+    finally:
+        logging.disable(level)
+
+
+@dataclass(frozen=True)
+class ModeTable:
+    """Modes with their numbers in the whole spectrum and their effective masses."""
+
+    found: Modes
+    masses: np.ndarray
+    """(n_modes, 2) kg, along X and Y."""
+    total: float
+    """kg, plate and point masses."""
+
+    @property
+    def numbers(self) -> np.ndarray:
+        """(n_modes,) numbers, counted from the lowest mode of the model."""
+        return self.found.sturm.below_lower + 1 + np.arange(self.found.number)
+
+    @property
+    def periods(self) -> np.ndarray:
+        """(n_modes,) s, infinite for rigid-body modes."""
+        f = self.found.frequencies
+        return np.divide(1.0, f, out=np.full_like(f, np.inf), where=f > 0)
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """Return the columns of the table."""
+        return {
+            "mode": self.numbers,
+            "frequency [Hz]": self.found.frequencies,
+            "period [s]": self.periods,
+            "damping [%]": 100 * self.found.damping,
+            "mass X [kg]": self.masses[:, 0],
+            "mass X [%]": 100 * self.masses[:, 0] / self.total,
+            "mass Y [kg]": self.masses[:, 1],
+            "mass Y [%]": 100 * self.masses[:, 1] / self.total,
+            "residual": self.found.residuals,
+        }
+
+    def labels(self) -> list[str]:
+        """Return the name of each mode, such as "mode 1, 1.821 Hz"."""
+        return [f"mode {n}, {f:.4g} Hz" for n, f in zip(self.numbers, self.found.frequencies, strict=True)]
+
+    def lines(self) -> list[str]:
+        """Return the table as it is printed, with the sums of the masses at its foot."""
+        lines = [
+            f"{'mode':>5}{'frequency':>18}{'period':>14}{'damping':>10}{'mass X':>15}{'':>9}{'mass Y':>15}{'':>9}{'residual':>10}",
+            f"{'':>5}{'[Hz]':>18}{'[s]':>14}{'[%]':>10}{'[kg]':>15}{'[%]':>9}{'[kg]':>15}{'[%]':>9}",
+        ]
+        for n, f, period, damping, *masses, residual in zip(*self.columns().values(), strict=True):
+            lines.append(f"{n:>5}{f:>18.12g}{period:>14.8g}{damping:>10.4f}{_masses(masses)}{residual:>10.1e}")
+        sums = [column.sum() for name, column in self.columns().items() if name.startswith("mass")]
+        return [*lines, f"{'sum':>5}{'':>42}{_masses(sums)}"]
+
+    def count(self) -> str:
+        """Say what the Sturm count found."""
+        sturm, found = self.found.sturm, self.found
+        low, high = (np.sqrt(max(end, 0.0)) / (2 * np.pi) for end in (sturm.lower, sturm.upper))
+        text = (
+            f"Sturm count (negative pivots of K - lambda M): {sturm.below_lower} below {low:.6g} Hz and {sturm.below_upper} below "
+            f"{high:.6g} Hz, so {sturm.inside} mode{'s' if sturm.inside != 1 else ''} between; "
+        )
+        if sturm.inside == found.number:
+            return text + "as many were found and none is missing"
+        return text + f"all were found, and {sturm.inside - found.number} of them, as close as a double mode, follow the last one shown"
+
+    def orthonormality(self) -> str:
+        """Say how good the modes are."""
+        return f"residuals up to {self.found.residuals.max():.1e}, M-orthonormal to {self.found.orthonormality:.1e}"
+
+
+def _masses(values: Sequence[float]) -> str:
+    return "".join(f"{v:>15.4f}" if i % 2 == 0 else f"{v:>9.4f}" for i, v in enumerate(values))
+
+
+def tabulate_modes(plant: Plant, wanted: Wanted, folder: Path, *, plots: bool) -> list[str]:
+    """Find the modes, write their files into `folder` on rank 0, and return the lines to print (collective)."""
+    with plant.clock.phase("modes"):
+        found = find_modes(plant, wanted)
+        table = ModeTable(found, effective_masses(found, plant.assembled.translations), plant.assembled.total_mass)
+    with plant.clock.phase("output"):
+        mesh, shapes = _gathered_shapes(plant, found)
+        if mesh is not None and shapes is not None:
+            with all_or_nothing(folder) as staging:
+                write_columns(staging / "modes.csv", table.columns())
+                write_summary(staging / "summary.json", _summary(plant, table))
+                _write_shapes(staging / "modes.vtu", mesh, table.labels(), shapes)
+                if plots:
+                    _draw(staging / "modes.png", plant, mesh, table.labels(), shapes)
+    title = f"{plant.scene.title or 'Uplift'}: {plant.operators.n} dofs, {table.total:,.1f} kg, every contact bonded"
+    return [title, "", *table.lines(), "", table.count(), table.orthonormality()]
+
+
+def write_columns(path: Path, columns: Mapping[str, np.ndarray]) -> None:
+    """Write named columns (n,); numbers with all digits of a double, nothing for nan."""
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(columns)
+        for row in zip(*(column.tolist() for column in columns.values()), strict=True):
+            writer.writerow(["" if value != value else repr(value) if isinstance(value, float) else value for value in row])
+
+
+def _gathered_shapes(plant: Plant, found: Modes) -> tuple[WholeMesh | None, np.ndarray | None]:
+    """Return on rank 0 the mesh and the shapes (n_modes, n_nodes, components), largest displacement 1 (collective)."""
+    mesh = gather_mesh(plant.tagged)
+    nodal = [plant.assembled.displacement(vector) for vector in found.basis.vectors.T]
+    together = gather_nodal(plant.tagged, plant.assembled.space, np.hstack(nodal))
+    if together is None:
+        return None, None
+    shapes = together.reshape(len(together), found.number, -1).transpose(1, 0, 2)
+    largest = np.linalg.norm(shapes, axis=2).max(axis=1)
+    return mesh, shapes / np.where(largest > 0, largest, 1.0)[:, None, None]
+
+
+def _write_shapes(path: Path, mesh: WholeMesh, labels: list[str], shapes: np.ndarray) -> None:
+    """Write each shape as a vector field, which ParaView warps."""
+    import meshio
+
+    vectors = np.concatenate([shapes, np.zeros((*shapes.shape[:2], 3 - shapes.shape[2]))], axis=2)
+    meshio.Mesh(mesh.points, [(mesh.cell_type, mesh.cells)], point_data=dict(zip(labels, vectors, strict=True))).write(path)
+
+
+def _draw(path: Path, plant: Plant, mesh: WholeMesh, labels: list[str], shapes: np.ndarray) -> None:
+    from drivers import plots
+
+    model = plant.scene.model
+    held = {
+        "support": np.array([p for support in model.supports for p in support.points]).reshape(-1, 2),
+        "plain spring": np.array([p for spring in model.springs for p in spring.points]).reshape(-1, 2),
+    }
+    title = f"{plant.scene.title or 'Uplift'}\nfirst {min(DRAWN, len(labels))} of {len(labels)} modes, every contact bonded"
+    plots.draw_modes(path, mesh, labels[:DRAWN], shapes[:DRAWN, :, :2], held, title)
+
+
+def _summary(plant: Plant, table: ModeTable) -> dict[str, Any]:
+    found = table.found
+    return {
+        "title": plant.scene.title,
+        "scene": plant.scene.source,
+        "dofs": plant.operators.n,
+        "mass_kg": table.total,
+        "ranks": plant.operators.comm.size,
+        "modes": found.number,
+        "rigid_body_modes": found.rigid,
+        "first_mode": int(table.numbers[0]),
+        "frequencies_Hz": found.frequencies.tolist(),
+        "damping_ratios": found.damping.tolist(),
+        "effective_masses_kg": {axis: table.masses[:, i].tolist() for i, axis in enumerate("XY")},
+        "sum_of_effective_masses": {axis: float(table.masses[:, i].sum() / table.total) for i, axis in enumerate("XY")},
+        "sturm_count": {
+            "lower_rad2_s2": found.sturm.lower, "upper_rad2_s2": found.sturm.upper,
+            "below_lower": found.sturm.below_lower, "below_upper": found.sturm.below_upper, "inside": found.sturm.inside,
+        },
+        "shift_rad2_s2": found.shift,
+        "largest_residual": float(found.residuals.max()),
+        "orthonormality": found.orthonormality,
+        "seconds": plant.clock.seconds,
+        "versions": versions(),
+    }
