@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drivers import survey
+from drivers import survey, survey_cases, survey_runs
 from drivers.analysis import prepare
 from drivers.methods import analyse
 from drivers.request import Request
@@ -83,7 +83,8 @@ def test_bad_input_is_code_2(tmp_path):
 def test_variations_change_what_they_name_and_nothing_else(sdls119a):
     table = sdls119a.source
     before = copy.deepcopy(table)
-    scenes = {case.name: build_scene(survey.varied(table, survey.COMMON | case.changes), SCENE.parent) for case in survey.CASES}
+    changed = {case.name: survey_cases.varied(table, survey_cases.COMMON | case.changes) for case in survey_cases.CASES}
+    scenes = {name: build_scene(entries, SCENE.parent) for name, entries in changed.items()}
     assert table == before
     reference = scenes["reference"]
     assert reference.model.supports == sdls119a.model.supports
@@ -98,9 +99,11 @@ def test_variations_change_what_they_name_and_nothing_else(sdls119a):
     penalty = scenes["penalty 1e13 N/m"].model.supports[0]
     assert (penalty.stiffness, penalty.contact) == ((1e13, 1e8), (1e13, 1e13))
     with pytest.raises(ModelError, match="the survey varies it"):
-        survey.varied({"plate": {}}, {"plate.young": lambda old: 10 * old})
-    fitting, left_out = survey._fitting([survey.CASES[0], survey.Case("odd", {"plate.young": -1.0})], lambda case: build_scene(
-        survey.varied(table, case.changes), SCENE.parent))
+        survey_cases.varied({"plate": {}}, {"plate.young": lambda old: 10 * old})
+    odd = survey_cases.Case("odd", {"plate.young": -1.0})
+    fitting, left_out = survey.fitting_cases(
+        [survey_cases.CASES[0], odd], lambda case: build_scene(survey_cases.varied(table, case.changes), SCENE.parent)
+    )
     assert len(fitting) == 1 and left_out == ["odd (plate.young: expected > 0 Pa, got -1.0)"]
 
 
@@ -109,7 +112,7 @@ def test_variations_change_what_they_name_and_nothing_else(sdls119a):
 def test_causal_convolution(nt):
     generator = np.random.default_rng(7)
     kernel, values = generator.normal(size=(nt, 3, 2)), generator.normal(size=(nt, 2))
-    convolve = survey.causal(kernel)
+    convolve = survey_runs.causal(kernel)
     here = convolve(values)
     for n in range(nt):
         assert here[n] == pytest.approx(sum(kernel[n - m] @ values[m] for m in range(n + 1)), rel=1e-12, abs=1e-12)
@@ -121,7 +124,8 @@ def test_causal_convolution(nt):
 @pytest.mark.both
 def test_superposed_passes_are_those_of_time_stepping(sdls119a, comm):
     """Also where a contact is in tension at time 0: one support lies deeper than the others."""
-    table = survey.varied(sdls119a.source, survey.COMMON | {"transient.duration": 1.5, "load.amplitude": 8.0, "load.center": 0.9})
+    changes = {"transient.duration": 1.5, "load.amplitude": 8.0, "load.center": 0.9}
+    table = survey_cases.varied(sdls119a.source, survey_cases.COMMON | changes)
     support = table["supports"][0]
     del support["edge"], support["count"]
     shallow = support | {"points": [[x, 0.0] for x in (0.0, 1.0, 3.0, 4.0)]}
@@ -130,13 +134,13 @@ def test_superposed_passes_are_those_of_time_stepping(sdls119a, comm):
         law = plant.operators.contacts.law
         stepped = analyse(plant, Request("transient", 4)).passes
         assert law.release(stepped.histories[0].elongation)[0].max() > 0
-        solve = survey.superposed(plant, stepped.histories[0])
+        solve = survey_runs.superposed(plant, stepped.histories[0])
         assert solve(None) is stepped.histories[0]
         for there in stepped.histories[1:]:
             here = solve(there.release)
-            assert survey.relative(here.probes, there.probes) < 1e-12
+            assert survey_runs.relative(here.probes, there.probes) < 1e-12
             # A force that is there at once throws the point masses of 0.1 kg: dt^2 a is 1e4 times what they move, and so is its round-off.
-            assert survey.relative(here.elongation, there.elongation) < 1e-7
+            assert survey_runs.relative(here.elongation, there.elongation) < 1e-7
 
 
 @pytest.mark.both
@@ -144,11 +148,11 @@ def test_high_part_and_order():
     times = 0.005 * np.arange(401)
     low, high = 3.0 + times + np.sin(2 * np.pi * 10 * times), 0.2 * np.sin(2 * np.pi * 80 * times)
     # Whole periods but for the last sample, which leaves a little of the one in the other.
-    assert survey.high_part(times, (low + high)[:, None])[50:-50, 0] == pytest.approx(high[50:-50], abs=5e-3)
+    assert survey_runs.high_part(times, (low + high)[:, None])[50:-50, 0] == pytest.approx(high[50:-50], abs=5e-3)
     steps = 0.1 / 2 ** np.arange(5)
-    order, limit = survey.order_and_limit(3.0 + 2.0 * steps**2)
+    order, limit = survey_runs.order_and_limit(3.0 + 2.0 * steps**2)
     assert (order, limit) == (pytest.approx(2.0), pytest.approx(3.0, abs=1e-12))
-    assert math.isnan(survey.order_and_limit(np.array([1.0, 2.0]))[0])
+    assert math.isnan(survey_runs.order_and_limit(np.array([1.0, 2.0]))[0])
 
 
 @pytest.mark.both
@@ -162,19 +166,19 @@ def test_disagreement_fails_the_survey(tmp_path, monkeypatch, comm, capsys, diff
     def outcome(scene, comm, case):
         part = difference if case.name == "gap 5 mm" else 1e-3 if not case.claimed else 1e-10
         changed = replace(history, probes=history.probes * (1 + 1e-3 * len(case.changes)))
-        return survey.Outcome(case, changed, part, 1, survey.PassesInTime(passes, 0.0), passes)
+        return survey_runs.Outcome(case, changed, part, 1, survey_runs.PassesInTime(passes, 0.0), passes)
 
     monkeypatch.setattr(survey, "_outcome", outcome)
-    monkeypatch.setattr(survey, "_chatter", lambda scene, comm, case: survey.Chatter(case, history, 1e-3, 1e6, 1e5))
+    monkeypatch.setattr(survey, "_chatter", lambda scene, comm, case: survey_runs.Chatter(case, history, 1e-3, 1e6, 1e5))
     levels = iter(range(1, 6))
 
     def level(scene, comm, laplace):
-        return survey.Level(scene.transient.step, replace(history, probes=history.probes + 0.5 ** next(levels)), None, 0.0)
+        return survey_runs.Level(scene.transient.step, replace(history, probes=history.probes + 0.5 ** next(levels)), None, 0.0)
 
     monkeypatch.setattr(survey, "_level", level)
     out = tmp_path / "page.md"
     assert survey.survey(comm, SCENE, out, quick=False, quiet=False) is agree
     page = out.read_text(encoding="utf-8")
     assert ("The methods agree" in page, "do not agree" in page) == (agree, not agree)
-    assert set(rows(page, "Uplift solved exactly")) == {case.name for case in survey.CASES}
+    assert set(rows(page, "Uplift solved exactly")) == {case.name for case in survey_cases.CASES}
     assert ("FAILED" in capsys.readouterr().out) is not agree
