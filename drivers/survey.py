@@ -52,8 +52,8 @@ def survey(comm: Any, path: Path, out: Path, *, quick: bool, quiet: bool) -> boo
             say(progress(outcomes[-1]))
     stiff = [dataclasses.replace(case, changes=STIFF | case.changes) for case in (CHATTER[:2] if quick else CHATTER)]
     chatter = [run_chatter(varied_scene, comm, case) for case, varied_scene in fitting_cases(stiff, build)[0]]
-    refined = [build(Case("", refined(2**level))) for level in range(2 if quick else 5)]
-    levels = [run_level(finer, comm, laplace=level < (1 if quick else 2)) for level, finer in enumerate(refined)]
+    finer_scenes = [build(Case("", refined(2**level))) for level in range(2 if quick else 5)]
+    levels = [run_level(finer, comm, laplace=level < (1 if quick else 2)) for level, finer in enumerate(finer_scenes)]
     differences = [o.difference for o in outcomes if o.case.claimed] + [level.difference for level in levels if level.laplace]
     agree = max(differences) <= AGREEMENT
     text = "\n\n".join(

@@ -37,7 +37,7 @@ BALANCED = 1e-9
 """A force that is left of the loads by less than this part of them is round-off: the state is one of rest."""
 
 FEW = 16
-"""Contacts."""
+"""Up to so many contacts it is quicker to take them all than to pick the open ones."""
 
 SAME = PETSc.Mat.Structure.SAME_NONZERO_PATTERN
 
@@ -217,7 +217,6 @@ class Newmark:
         tension = elongation.total(compliance.pull @ np.real(state.displacement.array_r))
         state.release = compliance.problem.solve(tension, before, self.load_scale)
         if state.release.any():
-            # Of many contacts most stay closed; of a few it is quicker to take all.
             acting = np.flatnonzero(state.release) if len(state.release) > FEW else slice(None)
             self._work.array[:] = ((1 - scheme.alpha_f) * state.release[acting]) @ compliance.answers[acting]
             state.acceleration.axpy(1.0, self._work)

@@ -168,14 +168,14 @@ def test_disagreement_fails_the_survey(tmp_path, monkeypatch, comm, capsys, diff
         changed = replace(history, probes=history.probes * (1 + 1e-3 * len(case.changes)))
         return survey_runs.Outcome(case, changed, part, 1, survey_runs.PassesInTime(passes, 0.0), passes)
 
-    monkeypatch.setattr(survey, "_outcome", outcome)
-    monkeypatch.setattr(survey, "_chatter", lambda scene, comm, case: survey_runs.Chatter(case, history, 1e-3, 1e6, 1e5))
+    monkeypatch.setattr(survey, "run_case", outcome)
+    monkeypatch.setattr(survey, "run_chatter", lambda scene, comm, case: survey_runs.Chatter(case, history, 1e-3, 1e6, 1e5))
     levels = iter(range(1, 6))
 
     def level(scene, comm, laplace):
         return survey_runs.Level(scene.transient.step, replace(history, probes=history.probes + 0.5 ** next(levels)), None, 0.0)
 
-    monkeypatch.setattr(survey, "_level", level)
+    monkeypatch.setattr(survey, "run_level", level)
     out = tmp_path / "page.md"
     assert survey.survey(comm, SCENE, out, quick=False, quiet=False) is agree
     page = out.read_text(encoding="utf-8")
