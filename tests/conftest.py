@@ -1,6 +1,7 @@
 """One plain pytest run tests the real build on one rank; `test_builds.py` starts the others as children of it."""
 
 import gc
+import sys
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,27 @@ from drivers.scene import read_scene
 
 COMPLEX = issubclass(PETSc.ScalarType, complex)
 SCENES = Path(__file__).parents[1] / "drivers" / "scenes"
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_configure(config):
+    """Give each rank a temporary folder of its own: they would delete each other's."""
+    if MPI.COMM_WORLD.size > 1 and config.option.basetemp:
+        config.option.basetemp = f"{config.option.basetemp}-{MPI.COMM_WORLD.rank}"
+
+
+_status = {"exit": 0}
+
+
+def pytest_sessionfinish(session, exitstatus):
+    _status["exit"] = int(exitstatus)
+
+
+def pytest_unconfigure(config):
+    """A rank that fails ends the others, which would wait for it at the next collective call."""
+    if MPI.COMM_WORLD.size > 1 and _status["exit"] not in (0, 5):
+        sys.stdout.flush()
+        MPI.COMM_WORLD.Abort(1)
 
 
 def pytest_collection_modifyitems(config, items):
