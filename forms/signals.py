@@ -76,7 +76,8 @@ class Table:
 def tabulate(signal: Signal, step: float, end: float, digits: int) -> Table:
     """Sample `signal` every `step` s from 0 past `end`, rounded up to `digits` significant digits.
 
-    Up, because with a table of SDLS119 to seven digits that is how its published results come out to their last digit.
+    Up is a choice: the rounding of SDLS119's table is not known, and this is one of the rules with which all its published
+    results come out to their last digit.
     """
     times = step * np.arange(math.ceil(end / step) + 2)
     context = Context(prec=digits, rounding=ROUND_CEILING)
