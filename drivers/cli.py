@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from drivers import runtime
 from drivers.request import METHODS, Request
 from meshes.checked import ModelError
-from solvers.errors import SolverError
+from solvers.errors import SolverError, Stopped
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -29,7 +29,7 @@ MANY = 500
 
 
 def main(arguments: list[str]) -> int:
-    """Run one command; return the exit code: 0 done, 1 failed, 2 bad input, 130 interrupted."""
+    """Run one command; return the exit code: 0 done, 1 failed, 2 bad input, 130 interrupted, 143 terminated."""
     begin = time.perf_counter()
     options = _parser().parse_args(arguments)
     runtime.configure_log(quiet=getattr(options, "quiet", False))
@@ -42,9 +42,17 @@ def main(arguments: list[str]) -> int:
     except SolverError as error:
         _complain(f"{getattr(options, 'scene', options.command.__name__)}: {error}")
         return FAILED
+    except Stopped as stopped:
+        _complain(f"{options.scene}: {stopped}")
+        return 128 + stopped.number
     except KeyboardInterrupt:
         _complain("interrupted; nothing was written")
         return 130
+    except OSError as error:
+        if error.errno is None:
+            raise
+        _complain(f"{error.filename or getattr(options, 'out', '')}: {error.strerror}; nothing was written there")
+        return FAILED
 
 
 def _complain(text: str) -> None:
@@ -67,6 +75,11 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("--tolerance", type=_positive, metavar="TOL",
                      help=f"end the published passes when change and law are met to TOL; exit code 1 if N (default {MANY}) do not do")
     run.add_argument("--out", type=Path, metavar="DIR", help="folder of the results (default: results/SCENE/METHOD)")
+    run.add_argument("--groups", type=int, metavar="N",
+                     help="split the ranks into N groups that share the frequencies of a sweep (default: chosen from sizes and memory)")
+    run.add_argument("--checkpoint", type=_seconds, default=60.0, metavar="SECONDS",
+                     help="seconds of work between two checkpoints in DIR/checkpoint, 0: none (default: %(default)g)")
+    run.add_argument("--resume", action="store_true", help="go on from the checkpoint in DIR/checkpoint")
     run.add_argument("--no-plots", action="store_true", help="draw no pictures")
     run.add_argument("--quiet", action="store_true", help="print errors only")
     run.set_defaults(command=_run)
@@ -151,6 +164,16 @@ def _positive(text: str) -> float:
     return number
 
 
+def _seconds(text: str) -> float:
+    try:
+        number = float(text)
+    except ValueError:
+        number = -1.0
+    if not 0 <= number < float("inf"):
+        raise argparse.ArgumentTypeError(f"expected seconds >= 0, got {text!r}")
+    return number
+
+
 def _request(options: argparse.Namespace, scene: Scene) -> Request:
     passes = options.iterations if options.iterations is not None else scene.run.iterations
     if options.tolerance is not None and not passes:
@@ -163,25 +186,32 @@ def _request(options: argparse.Namespace, scene: Scene) -> Request:
 
 
 def _run(options: argparse.Namespace, begin: float) -> int:
+    from drivers.longrun import Signals, identity, watched
     from drivers.output import writable_folder
     from drivers.scene import read_scene
 
     scene = read_scene(options.scene)
     request = _request(options, scene)
+    if options.groups is not None and request.method != "time-frequency":
+        raise ModelError("--groups", f"shares the points of a sweep, and the method {request.method} has none")
     runtime.choose_scalars(request.scalars)
     out = options.out or Path("results") / options.scene.stem / request.method
     if runtime.launch_rank() == 0:
         writable_folder(out)
-    with runtime.parallel() as comm:
+    with Signals() as signals, runtime.parallel() as comm:
         from drivers.analysis import prepare
         from drivers.methods import analyse
         from drivers.report import printed_values, write_run
 
         start_up = time.perf_counter() - begin
+        run = identity(scene, options.scene.parent, request)
         with prepare(scene, comm) as plant:
             plant.clock.add("start-up", start_up)
-            analysis = analyse(plant, request)
-            write_run(plant, analysis, out, plots=not options.no_plots)
+            with watched(
+                plant, run, out / "checkpoint", signals, seconds=options.checkpoint, resume=options.resume, quiet=options.quiet
+            ) as watch:
+                analysis = analyse(plant, request, groups=options.groups, watch=watch)
+                write_run(plant, analysis, out, plots=not options.no_plots)
             if not options.quiet:
                 for line in printed_values(plant, analysis):
                     runtime.say(line)

@@ -6,6 +6,7 @@ import atexit
 import logging
 import os
 import shutil
+import signal
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
@@ -14,7 +15,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from meshes.checked import ModelError
-from solvers.errors import SolverError
+from solvers.errors import SolverError, Stopped
 
 Scalars = Literal["real", "complex"]
 
@@ -107,10 +108,14 @@ def parallel() -> Iterator[Any]:
         except (ModelError, SolverError):
             raise  # found by all ranks together
         except BaseException as error:
-            if comm.size == 1:
+            if comm.size == 1 or (isinstance(error, Stopped) and error.together):
                 raise
-            if not isinstance(error, KeyboardInterrupt):
-                print(f"uplift: rank {comm.rank}: {type(error).__name__}: {error}", file=sys.stderr, flush=True)
+            # The other ranks may wait in a collective call for ever: this ends them too.
+            if isinstance(error, (KeyboardInterrupt, Stopped)):
+                if comm.rank == 0:
+                    print(f"uplift: {error or 'interrupted; nothing was written'}", file=sys.stderr, flush=True)
+                comm.Abort(128 + getattr(error, "number", signal.SIGINT))
+            print(f"uplift: rank {comm.rank}: {type(error).__name__}: {error}", file=sys.stderr, flush=True)
             comm.Abort(1)
 
 

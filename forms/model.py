@@ -15,6 +15,7 @@ from petsc4py import PETSc
 from scipy import sparse
 
 from forms import membrane
+from forms.labels import row_labels
 from forms.material import Material
 from forms.numbering import Numbering
 from forms.operators import Contacts, Functionals, LiftedArea, Load, Operators, Reactions
@@ -53,6 +54,8 @@ class AssembledPlate:
     lifted_area: LiftedArea
     joint_mass: float
     """kg, of the point masses alone."""
+    labels: np.ndarray
+    """(n_local, 5) names of the rows that do not depend on the number of ranks (see `forms.labels`)."""
 
     def __enter__(self) -> AssembledPlate:
         """Return itself."""
@@ -156,7 +159,8 @@ def assemble_plate(forms: CompiledForms, model: PlateModel) -> AssembledPlate:
     )
     joint_mass = sum(support.mass * len(support.points) for support in model.supports)
     area = _lifted_area(numbering, translations[1], joints.inertia(numbering, (0.0, 1.0)))
-    return AssembledPlate(operators, forms.space, numbering, total_mass, translations, area, joint_mass)
+    labels = row_labels(forms.space, numbering, joints.extra_nodes)
+    return AssembledPlate(operators, forms.space, numbering, total_mass, translations, area, joint_mass, labels)
 
 
 def _lifted_area(numbering: Numbering, inertia: Any, of_joints: np.ndarray) -> LiftedArea:
@@ -265,6 +269,11 @@ class _Joints:
             return owned_nodes(space, np.asarray(group.points, dtype=float).reshape(-1, 2), group.name)
         except ModelError as error:
             raise ModelError(key, error.message) from None
+
+    @property
+    def extra_nodes(self) -> np.ndarray:
+        """Local plate nodes that the extra rows belong to, in their order."""
+        return np.array([dof // 2 for _, _, _, dof, _, _ in self._parts], dtype=int)
 
     def parts(self, numbering: Numbering) -> Iterator[_JointPart]:
         """Give the joint components of this rank."""

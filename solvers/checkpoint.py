@@ -29,17 +29,17 @@ T = TypeVar("T")
 
 
 def on_first_rank(comm: Any, function: Callable[[], T]) -> T:
-    """Return on every rank what `function` returns on rank 0; an error that it raises there is raised everywhere (collective)."""
-    result, error = None, None
+    """Return on every rank what `function` returns on rank 0; a `ModelError` that it raises there is raised everywhere (collective)."""
+    answer = None
     if comm.rank == 0:
         try:
-            result = function()
-        except (ModelError, OSError) as raised:
-            error = raised
-    result, error = comm.bcast((result, error))
-    if error is not None:
-        raise error
-    return result  # type: ignore[return-value]  # it is what rank 0 returned
+            answer = function(), None
+        except ModelError as error:
+            answer = None, (error.key, error.message)
+    result, wrong = comm.bcast(answer)
+    if wrong is not None:
+        raise ModelError(*wrong)
+    return result  # type: ignore[no-any-return]  # it is what rank 0 returned
 
 
 class RowOrder:
@@ -175,13 +175,22 @@ class Checkpoint:
             return f"{self._failed}; " + ("the checkpoint before it can be resumed" if self._written else "there is nothing to resume")
         return f"checkpoint in {self.folder}; go on with --resume"
 
+    @property
+    def holds(self) -> bool:
+        """Whether this run has written or read a checkpoint that now lies there; known on rank 0."""
+        return bool(self._written)
+
     def clear(self) -> None:
         """Remove the checkpoints of a run that has come to its end, on rank 0."""
         if self._comm.rank == 0:
             for path in self.folder.glob("*.h5"):
                 path.unlink()
-            if not any(self.folder.iterdir()):
-                self.folder.rmdir()
+        self.leave()
+
+    def leave(self) -> None:
+        """Remove the folder if it is empty, on rank 0."""
+        if self._comm.rank == 0 and self.folder.is_dir() and not any(self.folder.iterdir()):
+            self.folder.rmdir()
 
     def _path(self, name: str) -> Path:
         return self.folder / f"{name}.h5"

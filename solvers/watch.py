@@ -6,7 +6,6 @@ agreed among them, so that a step costs one comparison of integers more.
 
 from __future__ import annotations
 
-import signal
 import time
 from collections.abc import Callable
 from typing import Any
@@ -15,6 +14,7 @@ import numpy as np
 from mpi4py import MPI
 
 from solvers.checkpoint import Checkpoint
+from solvers.errors import Stopped
 
 MEETING = 0.25
 """s between two meetings of the ranks: how late a signal is heard and a checkpoint begun, beside the step that is under way."""
@@ -23,15 +23,6 @@ WORTH_KEEPING = 1.0
 """s of work from which on a loop that is complete is kept for a run that goes on after it."""
 
 NEVER = np.iinfo(np.int64).max
-
-
-class Stopped(Exception):
-    """The run ends because a signal asked for it; every rank raises it at the same place."""
-
-    def __init__(self, number: int, words: str) -> None:
-        """Take the number of the signal and what has become of the run."""
-        super().__init__(f"{'interrupted' if number == signal.SIGINT else 'terminated'} {words}")
-        self.number = number
 
 
 class Watch:
@@ -102,7 +93,7 @@ class Loop:
             self._save()
             self._saved = time.perf_counter()
         if stop:
-            where = f"at {done} of {self._total} {self._what}"
+            where = f" at {done} of {self._total} {self._what}"
             if checkpoint is None:
                 raise Stopped(stop, f"{where}; nothing was written")
             raise Stopped(stop, f"{where}; {checkpoint.state_in_words(self._comm)}")
