@@ -9,6 +9,7 @@ import shutil
 import signal
 import sys
 import tempfile
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -22,6 +23,10 @@ Scalars = Literal["real", "complex"]
 PETSC = Path("/usr/lib/petscdir")
 SLEPC = Path("/usr/lib/slepcdir")
 """Where Debian installs the real and the complex build side by side."""
+
+
+PATIENCE = 20.0
+"""s that a rank with an error waits for the others to have it too, before it ends them."""
 
 
 def choose_scalars(scalars: Scalars) -> None:
@@ -105,18 +110,27 @@ def parallel() -> Iterator[Any]:
         comm = MPI.COMM_WORLD
         try:
             yield comm
-        except (ModelError, SolverError):
-            raise  # found by all ranks together
         except BaseException as error:
-            if comm.size == 1 or (isinstance(error, Stopped) and error.together):
+            together = isinstance(error, (ModelError, SolverError)) or (isinstance(error, Stopped) and error.together)
+            if comm.size == 1 or (together and _all_come(comm)):
                 raise
             # The other ranks may wait in a collective call for ever: this ends them too.
             if isinstance(error, (KeyboardInterrupt, Stopped)):
                 if comm.rank == 0:
-                    print(f"uplift: {error or 'interrupted; nothing was written'}", file=sys.stderr, flush=True)
+                    print(f"uplift: {str(error) or 'interrupted; nothing was written'}", file=sys.stderr, flush=True)
                 comm.Abort(128 + getattr(error, "number", signal.SIGINT))
             print(f"uplift: rank {comm.rank}: {type(error).__name__}: {error}", file=sys.stderr, flush=True)
             comm.Abort(1)
+
+
+def _all_come(comm: Any) -> bool:
+    """Return whether all ranks come here within `PATIENCE`, as they do with an error that all of them find (collective)."""
+    request, end = comm.Ibarrier(), time.monotonic() + PATIENCE
+    while not request.Test():
+        if time.monotonic() > end:
+            return False
+        time.sleep(0.01)
+    return True
 
 
 @contextmanager

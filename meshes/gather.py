@@ -8,7 +8,7 @@ from typing import Any
 import dolfinx
 import numpy as np
 
-from meshes.releases import geometry_cells
+from meshes.releases import dof_cells, geometry_cells
 from meshes.tagged import TaggedMesh
 
 
@@ -52,10 +52,8 @@ def gather_nodal(tagged: TaggedMesh, space: Any, values: np.ndarray) -> np.ndarr
     `values` (n, components) belong to the owned and ghost nodes of `space`, of the same degree as the geometry.
     """
     mesh = tagged.mesh
-    cells = geometry_cells(mesh)
     at_nodes = np.zeros((len(mesh.geometry.x), values.shape[1]))
-    for cell, nodes in enumerate(cells):
-        at_nodes[nodes] = values[space.dofmap.cell_dofs(cell)]
+    at_nodes[geometry_cells(mesh)] = values[dof_cells(space)]
     parts = mesh.comm.gather((np.asarray(mesh.geometry.input_global_indices), at_nodes), root=0)
     if parts is None:
         return None

@@ -19,13 +19,21 @@ from tests.conftest import COMPLEX
 
 pytestmark = pytest.mark.both
 
-STEPS, STEP = 600, 0.005
+STEPS, STEP = 300, 0.01
 
 
 @pytest.fixture
 def shared_path(tmp_path, comm):
     """A folder that all ranks know."""
     return comm.bcast(tmp_path)
+
+
+def same(here, there, *, bits):
+    """Whether two arrays are equal, to the last bit where one rank has the whole factor.
+
+    Where ranks share one, MUMPS adds in the order in which messages come, and two runs without any break differ as well.
+    """
+    return np.array_equal(here, there) if bits else np.max(np.abs(here - there)) <= 1e-10 * np.max(np.abs(here))
 
 
 def stopped_at(moments, run, folder, plant, monkeypatch):
@@ -45,8 +53,9 @@ def stopped_at(moments, run, folder, plant, monkeypatch):
     return run(Watch(checkpoint=Checkpoint(folder, "this run", comm, labels, seconds=1e9, resume=True)))
 
 
-def test_a_march_that_is_stopped_ten_times_ends_in_the_same_bits(plant, shared_path, comm, monkeypatch):
-    moments = sorted(np.random.default_rng(1).choice(np.arange(2, STEPS), 10, replace=False).tolist())
+def test_a_march_that_is_stopped_again_and_again_ends_in_the_same_bits(plant, shared_path, comm, monkeypatch):
+    times = 10 if comm.size == 1 else 2
+    moments = sorted(np.random.default_rng(1).choice(np.arange(2, STEPS - 2), times, replace=False).tolist())
 
     class Middle:
         """Looks at something that is spread over the ranks."""
@@ -73,10 +82,12 @@ def test_a_march_that_is_stopped_ten_times_ends_in_the_same_bits(plant, shared_p
     broken, tries_too = stopped_at(moments, run, shared_path / "march", plant, monkeypatch)
     assert tries == tries_too and whole.peak == broken.peak
     for name in ("probes", "elongation", "release", "reactions", "peak_field"):
-        assert np.array_equal(getattr(whole, name), getattr(broken, name)), name
+        assert same(getattr(whole, name), getattr(broken, name), bits=comm.size == 1), name
     for name in ("kinetic", "strain", "springs", "damped", "work"):
-        assert np.array_equal(getattr(whole.ledger, name), getattr(broken.ledger, name)), name
-    assert np.array_equal(middles[0].partial, middles[-1].partial, equal_nan=True)
+        assert same(getattr(whole.ledger, name), getattr(broken.ledger, name), bits=comm.size == 1), name
+    noted = ~np.isnan(middles[0].partial)
+    assert np.array_equal(noted, ~np.isnan(middles[-1].partial))
+    assert same(middles[0].partial[noted], middles[-1].partial[noted], bits=comm.size == 1)
 
 
 @pytest.mark.skipif(not COMPLEX, reason="the sweep needs the complex build")
@@ -84,14 +95,14 @@ def test_a_sweep_that_is_stopped_ends_in_the_same_bits(plant, shared_path, comm,
     omega = 2 * np.pi * np.linspace(0, 25, 40)
     for groups in range(1, comm.size + 1):
         whole = harmonic_sweep(plant.operators, omega, groups=groups)
-        moments = [m for m in range(1, len(omega)) if m % groups == 0][3::7]
+        moments = [m for m in range(1, len(omega) - 2 * groups) if m % groups == 0][3::7]
 
         def run(watch, groups=groups):
             return harmonic_sweep(plant.operators, omega, groups=groups, watch=watch)
 
         broken = stopped_at(moments, run, shared_path / f"sweep{groups}", plant, monkeypatch)
         for name in ("probes", "elongation", "resultants", "fields"):
-            assert np.array_equal(getattr(whole, name), getattr(broken, name)), (groups, name)
+            assert same(getattr(whole, name), getattr(broken, name), bits=groups == comm.size), (groups, name)
 
 
 def test_rows_have_an_order_that_knows_no_ranks(plant, comm):
