@@ -80,6 +80,8 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("--checkpoint", type=_seconds, default=60.0, metavar="SECONDS",
                      help="seconds of work between two checkpoints in DIR/checkpoint, 0: none (default: %(default)g)")
     run.add_argument("--resume", action="store_true", help="go on from the checkpoint in DIR/checkpoint")
+    run.add_argument("--memory", type=_gibibytes, metavar="GiB",
+                     help="memory that the run may take on each machine (default: what is available); one that will need more is refused")
     run.add_argument("--no-plots", action="store_true", help="draw no pictures")
     run.add_argument("--quiet", action="store_true", help="print errors only")
     run.set_defaults(command=_run)
@@ -174,6 +176,17 @@ def _seconds(text: str) -> float:
     return number
 
 
+def _gibibytes(text: str) -> float:
+    """Return bytes."""
+    try:
+        number = float(text)
+    except ValueError:
+        number = 0.0
+    if not number > 0:
+        raise argparse.ArgumentTypeError(f"expected GiB > 0, got {text!r}")
+    return 2**30 * number
+
+
 def _request(options: argparse.Namespace, scene: Scene) -> Request:
     passes = options.iterations if options.iterations is not None else scene.run.iterations
     if options.tolerance is not None and not passes:
@@ -187,6 +200,7 @@ def _request(options: argparse.Namespace, scene: Scene) -> Request:
 
 def _run(options: argparse.Namespace, begin: float) -> int:
     from drivers.longrun import Signals, identity, watched
+    from drivers.memory import check_memory, memory_facts
     from drivers.output import writable_folder
     from drivers.scene import read_scene
 
@@ -205,12 +219,14 @@ def _run(options: argparse.Namespace, begin: float) -> int:
 
         start_up = time.perf_counter() - begin
         run = identity(scene, options.scene.parent, request)
+        need = check_memory(scene, request, comm, groups=options.groups, limit=options.memory)
         with prepare(scene, comm) as plant:
             plant.clock.add("start-up", start_up)
             with watched(
                 plant, run, out / "checkpoint", signals, seconds=options.checkpoint, resume=options.resume, quiet=options.quiet
             ) as watch:
                 analysis = analyse(plant, request, groups=options.groups, watch=watch)
+                analysis.notes["memory_MiB"] = memory_facts(need, comm)
                 write_run(plant, analysis, out, plots=not options.no_plots)
             if not options.quiet:
                 for line in printed_values(plant, analysis):

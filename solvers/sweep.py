@@ -20,11 +20,8 @@ from scipy import sparse
 from forms.operators import Functionals, Operators
 from solvers.groups import Layout, System, choose_groups, group_system, split, to_ranks
 from solvers.linear import DirectSolver
-from solvers.memory import available_bytes, ranks_here, size_of, sweep_bytes
+from solvers.memory import FIELD_BYTES, available_bytes, group_bytes, ranks_here, size_of
 from solvers.watch import Loop, Watch
-
-FIELD_BYTES = 2**30
-"""Whole fields are kept at every point only up to this much memory a rank."""
 
 TRANSIT_BYTES = 2**26
 """Fields that a group collects before it deals them out to all ranks."""
@@ -77,7 +74,7 @@ def sweep(
     kept = _KeptPoints(watch, prefix.rstrip("_"), results)
     left = np.flatnonzero(~results.done)
     if groups is None:
-        need = sweep_bytes(*size_of(operators.stiffness), columns.shape[1])
+        need = group_bytes(size_of(operators.stiffness), columns.shape[1])
         groups = choose_groups(comm, len(first), need, comm.allreduce(available_bytes() / ranks_here(comm), op=MPI.MIN))
     seconds = np.zeros(2)
     with split(comm, groups) as layout, group_system(operators, columns, looks, layout) as system:
