@@ -130,6 +130,15 @@ def _parser() -> argparse.ArgumentParser:
     cost.add_argument("--quick", action="store_true", help="small meshes only")
     cost.add_argument("--sweeps-only", action="store_true", help=argparse.SUPPRESS)
     cost.set_defaults(command=_cost, quiet=True)
+    scale = commands.add_parser(
+        "scale", help="how the sweep grows with dofs and ranks",
+        description="Measure the direct sweep on finer and finer meshes, on one rank and on two in both ways of sharing; write a page.",
+    )
+    scale.add_argument("scene", type=Path, nargs="?", default=REFERENCE, metavar="SCENE.toml", help="default: sdls119a.toml")
+    scale.add_argument("--out", type=Path, default=Path("docs/scaling.md"), metavar="FILE.md", help="default: %(default)s")
+    scale.add_argument("--quick", action="store_true", help="small meshes only")
+    scale.add_argument("--measure", type=int, nargs=3, help=argparse.SUPPRESS)
+    scale.set_defaults(command=_scale, quiet=True)
     survey = commands.add_parser(
         "survey", help="uplift case by case, by every method",
         description="Vary the scene one parameter at a time, solve uplift exactly by two methods and by the published passes, and write a "
@@ -279,6 +288,26 @@ def _cost(options: argparse.Namespace, begin: float) -> int:
             return 0
         sweep = cost.sweep_in_child(options.scene, options.quick) if comm.size == 1 else ()
         cost.cost(scene, comm, options.out, quick=options.quick, sweep=sweep)
+    return 0
+
+
+def _scale(options: argparse.Namespace, begin: float) -> int:
+    from drivers.scene import read_scene
+
+    scene = read_scene(options.scene)
+    if options.measure is None:
+        if runtime.launched():
+            raise ModelError("scale", "starts its own ranks; run it without mpirun")
+        from drivers.scaling import scaling
+
+        scaling(options.scene, options.out, quick=options.quick)
+        return 0
+    runtime.choose_scalars("complex")
+    with runtime.parallel() as comm:
+        from drivers.scaling import measure, say_measured
+
+        factor, points, groups = options.measure
+        say_measured(measure(scene, comm, factor, points, groups))
     return 0
 
 

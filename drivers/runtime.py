@@ -60,6 +60,11 @@ def launch_rank() -> int:
     return _rank_of_launcher() or 0
 
 
+def launched() -> bool:
+    """Return whether an MPI launcher has started this process."""
+    return _rank_of_launcher() is not None
+
+
 def _rank_of_launcher() -> int | None:
     for name in ("OMPI_COMM_WORLD_RANK", "PMI_RANK", "PMIX_RANK", "SLURM_PROCID"):
         if os.environ.get(name, "").isdigit():

@@ -30,7 +30,7 @@ T = TypeVar("T")
 
 def on_first_rank(comm: Any, function: Callable[[], T]) -> T:
     """Return on every rank what `function` returns on rank 0; a `ModelError` that it raises there is raised everywhere (collective)."""
-    answer = None
+    answer: Any = None
     if comm.rank == 0:
         try:
             answer = function(), None
@@ -39,7 +39,7 @@ def on_first_rank(comm: Any, function: Callable[[], T]) -> T:
     result, wrong = comm.bcast(answer)
     if wrong is not None:
         raise ModelError(*wrong)
-    return result  # type: ignore[no-any-return]  # it is what rank 0 returned
+    return result  # what rank 0 returned
 
 
 class RowOrder:
@@ -201,7 +201,7 @@ def _digest(arrays: dict[str, np.ndarray]) -> str:
     for name in sorted(arrays):
         array = np.ascontiguousarray(arrays[name])
         digest.update(f"{name} {array.dtype.str} {array.shape} ".encode())
-        digest.update(array.reshape(-1).view(np.uint8))
+        digest.update(array.tobytes())
     return digest.hexdigest()
 
 

@@ -209,7 +209,7 @@ def _solve_batch(
             answers.append(solution.copy())
     # Within a group the sum is taken in the order of the ranks, so that its last bit depends on nothing else.
     parts = layout.comm.gather(seen) if layout.comm.size > 1 else [seen]
-    seen = sum(parts) if parts is not None else np.zeros_like(seen)
+    seen = np.sum(parts, axis=0) if parts is not None else np.zeros_like(seen)
     if comm.size > 1:
         comm.Allreduce(MPI.IN_PLACE, seen)
     results.seen[all_points] = seen

@@ -87,9 +87,9 @@ class Loop:
         agreed = np.array(mine, dtype=np.int64)
         if self._comm.size > 1:
             self._comm.Allreduce(MPI.IN_PLACE, agreed, op=MPI.MAX)
-        stop, due, self.next = (int(v) for v in agreed)
+        stop, write, self.next = (int(v) for v in agreed)
         self._show(done)
-        if checkpoint is not None and (due or stop):
+        if checkpoint is not None and (write or stop):
             self._save()
             self._saved = time.perf_counter()
         if stop:

@@ -70,7 +70,7 @@ def wait_for_checkpoint(child, folder, newer_than=0.0):
 
 
 def killed(scene, out, method, kills, ranks=1):
-    """Start a run, kill it `kills` times at random moments after a checkpoint, resuming it each time; return how often that came to pass."""
+    """Start a run, kill it `kills` times at random moments after a checkpoint, resuming it; return how often it was."""
     options, random_numbers, done, newest = ["--method", method, "--checkpoint", "0.05"], random.Random(kills), 0, 0
     for _ in range(kills):
         child = start(scene, out, *options, *(["--resume"] if newest else []), ranks=ranks)
@@ -135,7 +135,8 @@ def test_a_checkpoint_of_another_run_or_half_of_one_is_refused_by_name(tmp_path)
     file = tmp_path / "checkpoint" / "march-1.h5"
     file.parent.mkdir()
     write_file(file, {"step": np.array(3)}, "another", "rows")
-    assert finish(start(SCENE, tmp_path, "--resume")) == (2, f"uplift: --resume: {file} is a checkpoint of another scene or another method\n")
+    code, error = finish(start(SCENE, tmp_path, "--resume"))
+    assert (code, error) == (2, f"uplift: --resume: {file} is a checkpoint of another scene or another method\n")
     file.write_bytes(file.read_bytes()[:-100])
     code, error = finish(start(SCENE, tmp_path, "--resume"))
     assert code == 2 and error.startswith(f"uplift: --resume: {file} is truncated") and len(error.splitlines()) == 1

@@ -160,7 +160,8 @@ def test_a_full_disk_is_reported_and_the_checkpoint_before_it_stays(tmp_path, co
     with caplog.at_level("WARNING", logger="solvers"):
         assert not checkpoint.save("march-1", {"u": np.ones(10)})
     assert "march-1.h5 could not be written" in caplog.text and "No space left on device" in caplog.text
-    assert "No space left" in checkpoint.state_in_words(comm) and "the checkpoint before it can be resumed" in checkpoint.state_in_words(comm)
+    words = checkpoint.state_in_words(comm)
+    assert "No space left" in words and "the checkpoint before it can be resumed" in words
     kept = Checkpoint(tmp_path / "new", "run", comm, np.arange(4)[:, None], resume=True).load("march-1")
     assert np.array_equal(kept["u"], np.zeros(10))
     assert checkpoint.save("march-1", {"u": np.ones(10)})
