@@ -12,7 +12,7 @@ from drivers import runtime
 from drivers.request import Request
 from drivers.scene import METHODS
 from meshes.checked import ModelError
-from solvers.errors import SolverError
+from solvers.errors import SolverError, Stopped
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -30,7 +30,7 @@ MANY = 500
 
 
 def main(arguments: list[str]) -> int:
-    """Run one command; return the exit code: 0 done, 1 failed, 2 bad input, 130 interrupted."""
+    """Run one command; return the exit code: 0 done, 1 failed, 2 bad input, 130 interrupted, 143 terminated."""
     begin = time.perf_counter()
     options = _parser().parse_args(arguments)
     runtime.configure_log(quiet=getattr(options, "quiet", False))
@@ -43,9 +43,17 @@ def main(arguments: list[str]) -> int:
     except SolverError as error:
         _complain(f"{getattr(options, 'scene', options.command.__name__)}: {error}")
         return FAILED
+    except Stopped as stopped:
+        _complain(f"{options.scene}: {stopped}")
+        return 128 + stopped.number
     except KeyboardInterrupt:
         _complain("interrupted; nothing was written")
         return 130
+    except OSError as error:
+        if error.errno is None:
+            raise
+        _complain(f"{error.filename or getattr(options, 'out', '')}: {error.strerror}; nothing was written there")
+        return FAILED
 
 
 def _complain(text: str) -> None:
@@ -68,6 +76,13 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("--tolerance", type=_positive, metavar="TOL",
                      help=f"end the published passes when change and law are met to TOL; exit code 1 if N (default {MANY}) do not do")
     run.add_argument("--out", type=Path, metavar="DIR", help="folder of the results (default: results/SCENE/METHOD)")
+    run.add_argument("--groups", type=int, metavar="N",
+                     help="split the ranks into N groups that share the frequencies of a sweep (default: chosen from sizes and memory)")
+    run.add_argument("--checkpoint", type=_seconds, default=60.0, metavar="SECONDS",
+                     help="seconds of work between two checkpoints in DIR/checkpoint, 0: none (default: %(default)g)")
+    run.add_argument("--resume", action="store_true", help="go on from the checkpoint in DIR/checkpoint")
+    run.add_argument("--memory", type=_gibibytes, metavar="GiB",
+                     help="memory that the run may take on each machine (default: what is available); one that will need more is refused")
     run.add_argument("--no-plots", action="store_true", help="draw no pictures")
     run.add_argument("--quiet", action="store_true", help="print errors only")
     run.set_defaults(command=_run)
@@ -116,6 +131,15 @@ def _parser() -> argparse.ArgumentParser:
     cost.add_argument("--quick", action="store_true", help="small meshes only")
     cost.add_argument("--sweeps-only", action="store_true", help=argparse.SUPPRESS)
     cost.set_defaults(command=_cost, quiet=True)
+    scale = commands.add_parser(
+        "scale", help="how the sweep grows with dofs and ranks",
+        description="Measure the direct sweep on finer and finer meshes, on one rank and on two in both ways of sharing; write a page.",
+    )
+    scale.add_argument("scene", type=Path, nargs="?", default=REFERENCE, metavar="SCENE.toml", help="default: sdls119a.toml")
+    scale.add_argument("--out", type=Path, default=Path("docs/scaling.md"), metavar="FILE.md", help="default: %(default)s")
+    scale.add_argument("--quick", action="store_true", help="small meshes only")
+    scale.add_argument("--measure", type=int, nargs=3, help=argparse.SUPPRESS)
+    scale.set_defaults(command=_scale, quiet=True)
     survey = commands.add_parser(
         "survey", help="uplift case by case, by every method",
         description="Vary the scene one parameter at a time, solve uplift exactly by two methods and by the published passes, and write a "
@@ -152,6 +176,27 @@ def _positive(text: str) -> float:
     return number
 
 
+def _seconds(text: str) -> float:
+    try:
+        number = float(text)
+    except ValueError:
+        number = -1.0
+    if not 0 <= number < float("inf"):
+        raise argparse.ArgumentTypeError(f"expected seconds >= 0, got {text!r}")
+    return number
+
+
+def _gibibytes(text: str) -> float:
+    """Return bytes."""
+    try:
+        number = float(text)
+    except ValueError:
+        number = 0.0
+    if not number > 0:
+        raise argparse.ArgumentTypeError(f"expected GiB > 0, got {text!r}")
+    return 2**30 * number
+
+
 def _request(options: argparse.Namespace, scene: Scene) -> Request:
     passes = options.iterations if options.iterations is not None else scene.run.iterations
     if options.tolerance is not None and not passes:
@@ -164,27 +209,37 @@ def _request(options: argparse.Namespace, scene: Scene) -> Request:
 
 
 def _run(options: argparse.Namespace, begin: float) -> int:
+    from drivers.longrun import Signals, identity, watched
+    from drivers.memory import check_memory, memory_facts
     from drivers.output import writable_folder
     from drivers.scene import read_scene
 
     scene = read_scene(options.scene)
     request = _request(options, scene)
+    if options.groups is not None and request.method != "time-frequency":
+        raise ModelError("--groups", f"shares the points of a sweep, and the method {request.method} has none")
     runtime.choose_scalars(request.scalars)
     out = options.out or Path("results") / options.scene.stem / request.method
     if runtime.launch_rank() == 0:
         writable_folder(out)
-    with runtime.parallel() as comm:
+    with Signals() as signals, runtime.parallel() as comm:
         from drivers.analysis import prepare
         from drivers.methods import analyse
         from drivers.report import printed_values, write_run
 
         start_up = time.perf_counter() - begin
+        run = identity(scene, options.scene.parent, request)
+        need = check_memory(scene, request, comm, groups=options.groups, limit=options.memory)
         with prepare(scene, comm) as plant:
             plant.clock.add("start-up", start_up)
             if request.method == "harmonic":
                 return _respond(plant, out, options)
-            analysis = analyse(plant, request)
-            write_run(plant, analysis, out, plots=not options.no_plots)
+            with watched(
+                plant, run, out / "checkpoint", signals, seconds=options.checkpoint, resume=options.resume, quiet=options.quiet
+            ) as watch:
+                analysis = analyse(plant, request, groups=options.groups, watch=watch)
+                analysis.notes["memory_MiB"] = memory_facts(need, comm)
+                write_run(plant, analysis, out, plots=not options.no_plots)
             if not options.quiet:
                 for line in printed_values(plant, analysis):
                     runtime.say(line)
@@ -245,6 +300,26 @@ def _cost(options: argparse.Namespace, begin: float) -> int:
             return 0
         sweep = cost.sweep_in_child(options.scene, options.quick) if comm.size == 1 else ()
         cost.cost(scene, comm, options.out, quick=options.quick, sweep=sweep)
+    return 0
+
+
+def _scale(options: argparse.Namespace, begin: float) -> int:
+    from drivers.scene import read_scene
+
+    scene = read_scene(options.scene)
+    if options.measure is None:
+        if runtime.launched():
+            raise ModelError("scale", "starts its own ranks; run it without mpirun")
+        from drivers.scaling import scaling
+
+        scaling(options.scene, options.out, quick=options.quick)
+        return 0
+    runtime.choose_scalars("complex")
+    with runtime.parallel() as comm:
+        from drivers.scaling import measure, say_measured
+
+        factor, points, groups = options.measure
+        say_measured(measure(scene, comm, factor, points, groups))
     return 0
 
 

@@ -15,6 +15,7 @@ from solvers.history import History
 from solvers.newmark import Newmark, State, at_rest, settled_state, static_state, transient
 from solvers.parameters import Scheme, Window
 from solvers.passes import Passes, published_passes
+from solvers.watch import Watch
 
 log = logging.getLogger(__name__)
 
@@ -28,11 +29,20 @@ LEDGER_DOFS = 50_000
 """Up to this size the ledger of energies is kept, whose products of matrix and vector then cost less than the rest of a step."""
 
 
-def analyse(plant: Plant, request: Request) -> Analysis:
-    """Run one method (collective). Raises `ModelError` where it needs a static state and nothing holds the plate."""
+def analyse(plant: Plant, request: Request, *, groups: int | None = None, watch: Watch | None = None) -> Analysis:
+    """Run one method (collective). Raises `ModelError` where it needs a static state and nothing holds the plate.
+
+    A sweep uses `groups` groups of ranks (None: chosen from the sizes); `watch` shows the progress of long loops and keeps their
+    checkpoints.
+    """
     request.check_held(plant.scene, plant.assembled.loose)
-    run = {"transient": _transient, "time-frequency": _time_frequency, "modal": _modal, "static": _static}[request.method]
-    return run(plant, request)
+    if request.method == "time-frequency":
+        require_scalars("complex")
+        sweep = _laplace if request.passes is None else _fourier
+        return sweep(plant, request, groups, watch)
+    if request.method == "transient":
+        return _transient(plant, request, watch)
+    return _modal(plant, request) if request.method == "modal" else _static(plant)
 
 
 def _passes(solve, plant: Plant, request: Request) -> Passes:  # type: ignore[no-untyped-def]  # the callable of published_passes
@@ -64,19 +74,19 @@ class _LiftedShare:
     def __init__(self, plant: Plant, times: np.ndarray) -> None:
         self._area = plant.assembled.lifted_area
         self.rows = plant.scene.output.uplift_rows(times)
-        self._partial = np.full(len(times), np.nan)
+        self.partial = np.full(len(times), np.nan)
 
     def watch(self, row: int, values: np.ndarray) -> None:
         """Note the share at one archived instant."""
         if self.rows[row]:
-            self._partial[row] = self._area.partial(values)
+            self.partial[row] = self._area.partial(values)
 
     def result(self) -> np.ndarray | None:
         """Return the shares (nt,) in percent, nan where not asked for; None if nowhere (collective)."""
-        return self._area.total(self._partial) if self.rows.any() else None
+        return self._area.total(self.partial) if self.rows.any() else None
 
 
-def _transient(plant: Plant, request: Request) -> Analysis:
+def _transient(plant: Plant, request: Request, watch: Watch | None) -> Analysis:
     settings, exact = _settings(plant), request.passes is None
     with (
         plant.clock.remainder("solution"),
@@ -90,10 +100,12 @@ def _transient(plant: Plant, request: Request) -> Analysis:
             if away > SETTLED:
                 log.warning("the settling steps end %.1e (relative) away from the state of rest: more of them, or start = 'static'", away)
         share = _LiftedShare(plant, settings.archived)
-        ledger, watch = plant.operators.n <= LEDGER_DOFS, share.watch if share.rows.any() else None
+        ledger, observer = plant.operators.n <= LEDGER_DOFS, share if share.rows.any() else None
 
         def solve(release: np.ndarray | None) -> History:
-            return transient(method, start, settings.steps, every=settings.every, release=release, energy=ledger, watch=watch)
+            return transient(
+                method, start, settings.steps, every=settings.every, release=release, energy=ledger, observer=observer, watch=watch
+            )
 
         passes = Passes([solve(None)], number=1) if exact else _passes(solve, plant, request)
         problem = method.compliance.problem if method.compliance else None
@@ -101,7 +113,7 @@ def _transient(plant: Plant, request: Request) -> Analysis:
         return Analysis("transient", passes, exact, tries=tries, lifted=None if passes.ended == "diverged" else share.result())
 
 
-def _static(plant: Plant, request: Request) -> Analysis:
+def _static(plant: Plant) -> Analysis:
     operators = plant.operators
     with plant.clock.phase("solution"), static_state(operators, exact_uplift=True) as state:
         here = np.real(state.displacement.array_r).copy()
@@ -115,12 +127,7 @@ def _static(plant: Plant, request: Request) -> Analysis:
     return Analysis("static", Passes([history], number=1), True, lifted=share.result())
 
 
-def _time_frequency(plant: Plant, request: Request) -> Analysis:
-    require_scalars("complex")
-    return _laplace(plant) if request.passes is None else _fourier(plant, request)
-
-
-def _laplace(plant: Plant) -> Analysis:
+def _laplace(plant: Plant, request: Request, groups: int | None, watch: Watch | None) -> Analysis:
     from solvers.laplace import laplace_run
 
     settings = _settings(plant)
@@ -130,7 +137,9 @@ def _laplace(plant: Plant) -> Analysis:
             words = "the sweep starts from a state of rest, and the settling steps end in motion; set start = 'static'"
             raise ModelError("transient.start", words)
         with start:
-            run = laplace_run(plant.operators, settings.scheme, settings.step, settings.steps, start, every=settings.every)
+            run = laplace_run(
+                plant.operators, settings.scheme, settings.step, settings.steps, start, every=settings.every, groups=groups, watch=watch
+            )
         plant.clock.add("factorisation", run.factor_seconds)
         plant.clock.add("march", run.march_seconds)
         share = _LiftedShare(plant, settings.archived)
@@ -151,14 +160,14 @@ def _unsettled(plant: Plant, static: State) -> float:
     return float(away / size) if size > 0 else float(away > 0)
 
 
-def _fourier(plant: Plant, request: Request) -> Analysis:
+def _fourier(plant: Plant, request: Request, groups: int | None, watch: Watch | None) -> Analysis:
     from solvers import fourier
     from solvers.harmonic import FourierResponse, harmonic_sweep
 
     window: Window | None = plant.scene.fourier
     assert window is not None
     with plant.clock.remainder("solution"):
-        transfer = harmonic_sweep(plant.operators, 2 * np.pi * window.frequencies)
+        transfer = harmonic_sweep(plant.operators, 2 * np.pi * window.frequencies, groups=groups, watch=watch)
         plant.clock.add("factorisation", transfer.factor_seconds)
         response = FourierResponse(plant.operators, window, transfer)
         passes = _passes(response.history, plant, request)

@@ -6,21 +6,27 @@ import atexit
 import logging
 import os
 import shutil
+import signal
 import sys
 import tempfile
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Literal
 
 from meshes.checked import ModelError
-from solvers.errors import SolverError
+from solvers.errors import SolverError, Stopped
 
 Scalars = Literal["real", "complex"]
 
 PETSC = Path("/usr/lib/petscdir")
 SLEPC = Path("/usr/lib/slepcdir")
 """Where Debian installs the real and the complex build side by side."""
+
+
+PATIENCE = 20.0
+"""s that a rank with an error waits for the others to have it too, before it ends them."""
 
 
 def choose_scalars(scalars: Scalars) -> None:
@@ -52,6 +58,11 @@ def require_scalars(scalars: Scalars) -> None:
 def launch_rank() -> int:
     """Return this process's rank as the MPI launcher gave it, before MPI is initialised (0 without a launcher)."""
     return _rank_of_launcher() or 0
+
+
+def launched() -> bool:
+    """Return whether an MPI launcher has started this process."""
+    return _rank_of_launcher() is not None
 
 
 def _rank_of_launcher() -> int | None:
@@ -104,14 +115,27 @@ def parallel() -> Iterator[Any]:
         comm = MPI.COMM_WORLD
         try:
             yield comm
-        except (ModelError, SolverError):
-            raise  # found by all ranks together
         except BaseException as error:
-            if comm.size == 1:
+            together = isinstance(error, (ModelError, SolverError)) or (isinstance(error, Stopped) and error.together)
+            if comm.size == 1 or (together and _all_come(comm)):
                 raise
-            if not isinstance(error, KeyboardInterrupt):
-                print(f"uplift: rank {comm.rank}: {type(error).__name__}: {error}", file=sys.stderr, flush=True)
+            # The other ranks may wait in a collective call for ever: this ends them too.
+            if isinstance(error, (KeyboardInterrupt, Stopped)):
+                if comm.rank == 0:
+                    print(f"uplift: {str(error) or 'interrupted; nothing was written'}", file=sys.stderr, flush=True)
+                comm.Abort(128 + getattr(error, "number", signal.SIGINT))
+            print(f"uplift: rank {comm.rank}: {type(error).__name__}: {error}", file=sys.stderr, flush=True)
             comm.Abort(1)
+
+
+def _all_come(comm: Any) -> bool:
+    """Return whether all ranks come here within `PATIENCE`, as they do with an error that all of them find (collective)."""
+    request, end = comm.Ibarrier(), time.monotonic() + PATIENCE
+    while not request.Test():
+        if time.monotonic() > end:
+            return False
+        time.sleep(0.01)
+    return True
 
 
 @contextmanager

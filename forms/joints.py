@@ -117,6 +117,11 @@ class Joints:
         except ModelError as error:
             raise ModelError(key, error.message) from None
 
+    @property
+    def extra_nodes(self) -> np.ndarray:
+        """Local plate nodes that the extra rows belong to, in their order."""
+        return np.array([node for _, _, _, _, node, _, _ in self._parts], dtype=int)
+
     def dof(self, node: int, axis: int) -> int:
         """Return the dof of the space that is component `axis` of a node."""
         return self.block * node + self.column[axis]

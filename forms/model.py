@@ -19,6 +19,7 @@ from forms.conditions import held_dofs
 from forms.facets import Facet, common_normal, facet_of
 from forms.joints import Joints, rigid_value
 from forms.kinematics import up_of
+from forms.labels import row_labels
 from forms.material import Material
 from forms.nodes import at_nodes
 from forms.numbering import Numbering
@@ -75,6 +76,8 @@ class AssembledPlate:
     """kg, of the point masses of joints alone."""
     loose: tuple[str, ...]
     """Rigid motions, in words, that nothing resists with all contacts closed."""
+    labels: np.ndarray
+    """(n_local, 5) names of the rows that do not depend on the number of ranks (see `forms.labels`)."""
 
     def __enter__(self) -> AssembledPlate:
         """Return itself."""
@@ -274,8 +277,9 @@ def assemble_plate(forms: CompiledForms, model: PlateModel) -> AssembledPlate:
     area = _lifted_area(forms, field, numbering, up)
     joint_mass = sum(support.mass * float(support.factors.sum()) for support in model.supports)
     loose = free_motions(forms, model, held)
+    labels = row_labels(forms.space, numbering, joints.extra_nodes)
     return AssembledPlate(
-        operators, forms.space, numbering, forms.kind, forms.components, total_mass, translations, area, joint_mass, loose
+        operators, forms.space, numbering, forms.kind, forms.components, total_mass, translations, area, joint_mass, loose, labels
     )
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import dolfinx
 import numpy as np
 
-from meshes.releases import geometry_cells
+from meshes.releases import dof_cells, geometry_cells
 from meshes.tagged import TaggedMesh
 
 
@@ -52,10 +52,9 @@ def gather_nodal(tagged: TaggedMesh, space: Any, values: np.ndarray) -> np.ndarr
     `values` (n, components) belong to the owned and ghost nodes of `space`, whose first ones in each cell are those of the geometry.
     """
     mesh = tagged.mesh
-    cells = geometry_cells(mesh)
     at_nodes = np.zeros((len(mesh.geometry.x), values.shape[1]))
-    for cell, nodes in enumerate(cells):
-        at_nodes[nodes] = values[space.dofmap.cell_dofs(cell)[: len(nodes)]]
+    cells = geometry_cells(mesh)
+    at_nodes[cells] = values[dof_cells(space)[:, : cells.shape[1]]]
     parts = mesh.comm.gather((np.asarray(mesh.geometry.input_global_indices), at_nodes), root=0)
     if parts is None:
         return None

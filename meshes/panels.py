@@ -78,9 +78,13 @@ class Panels(Checked):
         for name in names:
             if names.count(name) > 1:
                 raise ModelError("plates", f"expected different names, {name!r} is there twice")
-        cells = sum(float(np.linalg.norm(_area_vector(np.array(plate.corners)))) for plate in self.plates) / self.size**2
-        if cells > 1e8:
-            raise ModelError("size", f"expected at most 1e8 cells, {self.size:g} m makes {cells:.1e}")
+        if self.area / self.size**2 > 1e8:
+            raise ModelError("size", f"expected at most 1e8 cells, {self.size:g} m makes {self.area / self.size**2:.1e}")
+
+    @property
+    def area(self) -> float:
+        """Area in m2, holes included."""
+        return sum(float(np.linalg.norm(_area_vector(np.array(plate.corners)))) for plate in self.plates)
 
     @property
     def corners(self) -> dict[str, Point]:

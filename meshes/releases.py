@@ -49,6 +49,14 @@ def geometry_cells(mesh: Any) -> np.ndarray:
     return np.asarray(nodes)
 
 
+def dof_cells(space: Any) -> np.ndarray:
+    """Return the nodes of the space in each cell, (cells, nodes a cell), local numbers in the order of dolfinx."""
+    nodes = space.dofmap.list
+    if _OLD:
+        return np.asarray(nodes.array).reshape(nodes.num_nodes, -1)
+    return np.asarray(nodes)
+
+
 def cell_containing(mesh: Any, point: np.ndarray) -> int:
     """Return a cell owned by this rank that contains `point` (3,), or -1."""
     if _OLD:

@@ -49,6 +49,20 @@ class EnergyMeter:
         if archive:
             self._rows.append((*self._stored(displacement, velocity, release), self.damped, self.work))
 
+    def books(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the rows of the archived instants (n, 5) J, and damped energy and work (2,) J so far: all that `restore` needs."""
+        return np.array(self._rows).reshape(-1, 5), np.array([self.damped, self.work])
+
+    def restore(self, rows: np.ndarray, sums: np.ndarray) -> None:
+        """Return to the books of an earlier instant; `resume` then takes its state."""
+        self._rows = [tuple(row) for row in rows.tolist()]
+        self.damped, self.work = (float(v) for v in sums)
+
+    def resume(self, displacement: Any, velocity: Any, values: np.ndarray) -> None:
+        """Take the state that the restored books end with (collective)."""
+        self._reached = None
+        self.add(displacement, velocity, values, np.zeros(0), step=0.0, archive=False)
+
     def _stored(self, displacement: Any, velocity: Any, release: np.ndarray) -> tuple[float, float, float]:
         operators, work = self._operators, self._work_vector
         operators.mass.mult(velocity, work)

@@ -10,11 +10,16 @@ from solvers.history import History
 from solvers.newmark import load_values
 from solvers.parameters import Window
 from solvers.sweep import Transfer, sweep
+from solvers.watch import Watch
 
 
-def harmonic_sweep(operators: Operators, omega: np.ndarray) -> Transfer:
-    """Solve (K + i omega C - omega^2 M) X = [loads, unit release forces] at each omega (n_f,) in rad/s (collective)."""
-    return sweep(operators, 1j * omega, -(omega**2) + 0j, prefix="harmonic_", what="frequency sweep")
+def harmonic_sweep(operators: Operators, omega: np.ndarray, *, groups: int | None = None, watch: Watch | None = None) -> Transfer:
+    """Solve (K + i omega C - omega^2 M) X = [loads, unit release forces] at each omega (n_f,) in rad/s (collective).
+
+    `groups` and `watch` are those of `solvers.sweep.sweep`.
+    """
+    first, second = 1j * omega, -(omega**2) + 0j
+    return sweep(operators, first, second, prefix="harmonic_", what="frequency sweep", groups=groups, watch=watch)
 
 
 class FourierResponse:

@@ -36,6 +36,7 @@ from solvers.history import History
 from solvers.newmark import State, balance_acceleration, load_scale, load_values, tensions
 from solvers.parameters import Scheme
 from solvers.sweep import Transfer, sweep
+from solvers.watch import Watch
 
 
 @dataclass(frozen=True)
@@ -120,12 +121,22 @@ class LaplaceRun:
 
 
 def laplace_run(
-    operators: Operators, scheme: Scheme, step: float, steps: int, start: State, *, every: int = 1, exact_uplift: bool = True
+    operators: Operators,
+    scheme: Scheme,
+    step: float,
+    steps: int,
+    start: State,
+    *,
+    every: int = 1,
+    exact_uplift: bool = True,
+    groups: int | None = None,
+    watch: Watch | None = None,
 ) -> LaplaceRun:
     """Sweep and march `steps` steps of `step` s from the state of rest `start` (collective).
 
     Every `every`-th step is archived. Without `exact_uplift` every contact stays bonded. `start` must be the static answer
-    to the static loads, or zero with all of them set upon it at time 0; its velocity is taken as zero.
+    to the static loads, or zero with all of them set upon it at time 0; its velocity is taken as zero. `groups` and `watch` are those
+    of `solvers.sweep.sweep`.
     """
     circle = Circle(scheme, step, steps)
     times = step * np.arange(steps + 1)
@@ -139,7 +150,9 @@ def laplace_run(
     if sudden:
         more.append(_initial_damping(operators, start, values[0], step))
     begin = time.perf_counter()
-    transfer = sweep(operators, circle.first, circle.second, more=tuple(more), prefix="laplace_", what="Laplace sweep")
+    transfer = sweep(
+        operators, circle.first, circle.second, more=tuple(more), prefix="laplace_", what="Laplace sweep", groups=groups, watch=watch
+    )
     for vector in more:
         vector.destroy()
 

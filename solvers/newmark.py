@@ -18,7 +18,6 @@ J. Appl. Mech. 60 (1993) 371.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -32,6 +31,8 @@ from solvers.energy import EnergyMeter
 from solvers.history import History
 from solvers.linear import SMALL, DirectSolver
 from solvers.parameters import Scheme
+from solvers.record import KeptMarch, Observer, Record
+from solvers.watch import Loop, Watch
 
 BALANCED = 1e-9
 """A force that is left of the loads by less than this part of them is round-off: the state is one of rest."""
@@ -316,14 +317,15 @@ def transient(
     every: int = 1,
     release: np.ndarray | None = None,
     energy: bool = False,
-    watch: Callable[[int, np.ndarray], None] | None = None,
+    observer: Observer | None = None,
+    watch: Watch | None = None,
 ) -> History:
     """March `steps` steps from time 0 and the state `start`, which is left as it is (collective).
 
     Every `every`-th step is archived. `release` (n_archived, n_channels) N are release forces known at the archived instants
     and interpolated linearly between them; without them uplift is exact, or left out, as `method` was made. `energy`
-    keeps the ledger of energies, at three products of a matrix and a vector a step. `watch(row, values)` is shown this rank's part
-    (n_local,) of the displacements at each archived instant.
+    keeps the ledger of energies, at three products of a matrix and a vector a step. `observer` is shown the archived
+    displacements. `watch` shows the progress and keeps checkpoints, from which the same march goes on to the same bits on as many ranks.
     """
     operators = method.operators
     times = method.step * np.arange(steps + 1)
@@ -333,39 +335,27 @@ def transient(
     given = None
     if release is not None:
         given = np.stack([np.interp(times, archived, column) for column in release.T], axis=1)
-    observed = [operators.probes, operators.contacts.elongation]
-    if operators.reactions is not None:
-        observed.append(operators.reactions.functionals)
-    looks = sparse.vstack([functionals.local for functionals in observed], format="csr")
-    seen = np.zeros((len(archived), looks.shape[0]))
-    n_probes = len(operators.probes.names)
-    acted = np.zeros((len(archived), operators.contacts.law.n_channels))
-    meter = EnergyMeter(operators) if energy else None
+    record = Record(operators, len(archived), EnergyMeter(operators) if energy else None, observer)
     with start.copy() as state:
-        if given is not None:
-            state.release = given[0]
-        elif method.compliance is None:
-            state.release = np.zeros_like(state.release)
-        balance_acceleration(operators, state, values[0], method.step)
-        farthest, peak, peak_field = -1.0, 0, None
-        for n in range(steps + 1):
-            if n > 0:
+        problem = method.compliance.problem if method.compliance is not None else None
+        kept = KeptMarch(watch, operators.comm, problem, state, record)
+        reached = kept.read()
+        if reached < 0:
+            if given is not None:
+                state.release = given[0]
+            elif method.compliance is None:
+                state.release = np.zeros_like(state.release)
+            balance_acceleration(operators, state, values[0], method.step)
+            record.add(state, values[0], row=0)
+            reached = 0
+        elif record.meter is not None:
+            record.meter.resume(state.displacement, state.velocity, values[reached])
+        with Loop(watch, operators.comm, "steps", steps, reached, lambda: kept.save(n)) as loop:
+            n = reached
+            for n in range(reached + 1, steps + 1):
                 method.advance(state, (values[n - 1], values[n]), None if given is None else given[n])
-            if meter is not None:
-                meter.add(state.displacement, state.velocity, values[n], state.release, step=method.step, archive=n % every == 0)
-            if n % every:
-                continue
-            here = np.real(state.displacement.array_r)
-            row = n // every
-            seen[row] = looks @ here
-            acted[row] = state.release
-            if watch is not None:
-                watch(row, here)
-            reach = np.max(np.abs(operators.probes.total(seen[row, :n_probes])), initial=0.0)
-            if reach > farthest:
-                farthest, peak, peak_field = reach, row, here.copy()
-    ends = np.cumsum([len(functionals.names) for functionals in observed])
-    probes, elongation, *resultants = np.split(operators.probes.total(seen), ends[:-1], axis=1)
-    reactions = operators.reactions.values(resultants[0], acted) if operators.reactions is not None else np.zeros((len(archived), 0))
-    ledger = meter.ledger() if meter is not None else None
-    return History(archived, probes, elongation, acted, reactions, peak, peak_field, ledger)
+                record.add(state, values[n], row=n // every if n % every == 0 else None, step=method.step)
+                if n >= loop.next and n < steps:
+                    loop.meet(n)
+            loop.finish()
+    return record.history(archived)

@@ -1,0 +1,103 @@
+"""The memory of a run: refused before it begins where it cannot fit, told afterwards."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from drivers.request import Request
+from drivers.scene import Scene
+from forms.kinematics import AXES_OF, choose, degree_of
+from meshes.checked import ModelError
+from meshes.imported import MeshFile
+from meshes.panels import Panels
+from meshes.plate import Plate
+
+if TYPE_CHECKING:
+    from solvers.memory import Size
+
+GIB = 2.0**30
+
+NEIGHBOURS = {
+    ("quadrilateral", 1): 9.0, ("quadrilateral", 2): 16.0, ("quadrilateral", 3): 25.0,
+    ("triangle", 1): 7.0, ("triangle", 2): 11.5, ("triangle", 3): 17.0,
+}
+"""Nodes that share a cell with a node, on average over a large mesh, by cell and degree."""
+
+BYTES_A_CELL = 40.0
+"""Of a mesh file in text, cells and nodes together; files in binary hold more cells, so their meshes are taken for smaller than they are."""
+
+LOOKS = 20
+"""Numbers archived at an instant beside two for each contact; more probes than this need no memory that counts."""
+
+
+def expected_size(scene: Scene, *, is_complex: bool) -> Size:
+    """Return the size of the system that the scene will become, near enough."""
+    from solvers.memory import Size
+
+    mesh, flat = scene.plate, False
+    if isinstance(mesh, Plate):
+        squares, flat = float(mesh.nx * mesh.ny), True
+    elif isinstance(mesh, Panels):
+        squares, flat = mesh.area / mesh.size**2, mesh.flat
+    else:
+        squares = mesh.path.stat().st_size / BYTES_A_CELL
+    cell = "quadrilateral" if isinstance(mesh, MeshFile) else mesh.cell
+    kind = choose(scene.kinematics, scene.model, flat)
+    degree = degree_of(kind, mesh.degree, cell)
+    components = len(AXES_OF[kind])
+    n = components * (squares * degree**2 + 2 * squares**0.5 * degree + 1)
+    n += sum(sum(k > 0 for k in support.stiffness) * len(support.points) for support in scene.model.supports)
+    return Size(int(n), int(components * NEIGHBOURS[cell, degree] * n), is_complex)
+
+
+def expected_bytes(scene: Scene, request: Request, ranks: int, groups: int | None) -> float:
+    """Return the bytes that a run will need on all ranks; a sweep whose groups are not given is counted with one."""
+    from solvers import memory
+
+    size = expected_size(scene, is_complex=request.scalars == "complex")
+    channels = 2 * sum(len(s.points) for s in scene.model.supports if s.unilateral)
+    columns = channels + len(scene.model.motions) + 2
+    if request.method == "time-frequency":
+        assert scene.fourier is not None or scene.transient is not None
+        points = scene.transient.steps + 2 if scene.transient and not request.passes else len(scene.fourier.frequencies)  # type: ignore[union-attr]
+        solution = memory.sweep_bytes(size, columns, points, ranks, groups or 1)
+    elif request.method == "modal":
+        assert scene.modal is not None
+        solution = size.factor + 2 * size.matrix + 3 * (scene.modal.number or 100) * size.vector
+    elif request.method == "transient":
+        assert scene.transient is not None
+        solution = memory.march_bytes(size, channels, len(scene.transient.archived) * (LOOKS + channels))
+    else:
+        solution = memory.march_bytes(size, channels, channels)
+    return memory.run_bytes(size, solution, ranks)
+
+
+def check_memory(scene: Scene, request: Request, comm: Any, *, groups: int | None, limit: float | None) -> float:
+    """Return the bytes that a run will need on all ranks (collective).
+
+    Raises `ModelError` if those of the ranks on one machine exceed what it has left, or `limit` bytes where that is given.
+    """
+    from mpi4py import MPI
+
+    from solvers import memory
+
+    need = expected_bytes(scene, request, comm.size, groups)
+    here = memory.ranks_here(comm)
+    left = memory.available_bytes() if limit is None else limit
+    # Of all machines, the one that is the shortest of memory.
+    short, share, left = comm.allreduce((need * here / comm.size - left, need * here / comm.size, left), op=MPI.MAX)
+    if short > 0:
+        raise ModelError(
+            "--memory",
+            f"the run will need some {share / GIB:.3g} GiB on a machine that "
+            f"{'has' if limit is None else 'may give'} {left / GIB:.3g} GiB; a coarser mesh, more machines, or another --memory",
+        )
+    return need
+
+
+def memory_facts(need: float, comm: Any) -> dict[str, float]:
+    """Return what the summary says of the memory, in MiB (collective)."""
+    from solvers.memory import peak_bytes
+
+    largest, whole = peak_bytes(comm)
+    return {name: round(value / 2**20, 1) for name, value in (("estimated", need), ("peak_all_ranks", whole), ("peak_largest_rank", largest))}

@@ -1,0 +1,206 @@
+"""How the sweep grows: with dofs, on one rank, on two by groups of frequencies and by splitting the domain; and where that leads."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from drivers.analysis import prepare
+from drivers.cost import refined
+from drivers.output import processor, versions, writable_folder
+from drivers.runtime import say
+from drivers.scene import Scene
+from meshes.checked import ModelError
+
+BAND = 25.0
+"""Hz: the frequencies of a measurement are spread over it."""
+
+CASES = ((4, 80), (8, 40), (16, 20), (32, 8), (64, 2))
+"""Refinement of the scene in both directions, and frequencies that are solved."""
+
+QUICK = ((2, 8), (4, 8))
+
+ROUNDS, PATIENCE = 3, 100.0
+"""The layouts take turns so often, or until so many seconds are over; the shortest times count, which other work on the machine has
+disturbed the least."""
+
+LAYOUTS = {"1 rank": (1, 1), "2 ranks, 2 groups": (2, 2), "2 ranks, domain split": (2, 1)}
+"""Ranks and groups."""
+
+HEAD = [f"| dofs | frequencies | {' | '.join(f'{n} s' for n in LAYOUTS)} | 2 groups / 1 rank | domain split / 1 rank |", "|" + "---:|" * 7]
+
+NODES, FREQUENCIES = 100, 1000
+"""What is extrapolated to."""
+
+
+@dataclass(frozen=True)
+class Measured:
+    """One sweep: wall and processor seconds, and memory."""
+
+    dofs: int
+    points: int
+    seconds: float
+    """Wall time of the whole sweep: dealing out the matrices, factorisations, solves, checks, gathering."""
+    cpu: float
+    """Processor time of the rank that took the most."""
+    ready: float
+    """Wall time of mesh, forms and assembly before it."""
+    memory: float
+    """Bytes, the largest rank's peak of the whole process."""
+
+
+def measure(scene: Scene, comm: Any, factor: int, points: int, groups: int) -> Measured:
+    """Sweep so many frequencies on a refined mesh (collective, complex PETSc)."""
+    from mpi4py import MPI
+
+    from solvers.harmonic import harmonic_sweep
+    from solvers.memory import peak_bytes
+
+    begin = time.perf_counter()
+    with prepare(refined(scene, factor), comm) as plant:
+        comm.barrier()
+        ready, begin, worked = time.perf_counter() - begin, time.perf_counter(), time.process_time()
+        harmonic_sweep(plant.operators, 2 * np.pi * np.linspace(BAND / points, BAND, points), groups=groups)
+        worked = comm.allreduce(time.process_time() - worked, op=MPI.MAX)
+        comm.barrier()
+        return Measured(plant.operators.n, points, time.perf_counter() - begin, worked, ready, peak_bytes(comm)[0])
+
+
+def in_child(path: Path, ranks: int, *arguments: object) -> Measured:
+    """Measure in a process of its own, or in several under mpirun."""
+    launcher = [] if ranks == 1 else [shutil.which("mpirun") or "mpirun", "--oversubscribe", "-n", str(ranks)]
+    command = [*launcher, sys.executable, "-m", "drivers", "scale", str(path), "--measure", *map(str, arguments)]
+    environment = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_COMM", "PMIX", "PRTE"))}
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, check=True, env=environment)
+    except FileNotFoundError:
+        raise ModelError("scale", "needs mpirun, which is not installed") from None
+    except subprocess.CalledProcessError as error:
+        raise RuntimeError(f"a measurement on {ranks} ranks failed: {error.stderr.strip()}") from error
+    return Measured(**json.loads(done.stdout.splitlines()[-1]))
+
+
+def say_measured(measured: Measured) -> None:
+    """Print a measurement for the process that asked for it."""
+    say(json.dumps(asdict(measured)))
+
+
+def scaling(path: Path, out: Path, *, quick: bool) -> None:
+    """Measure all cases and write the page."""
+    writable_folder(out.absolute().parent)
+    rows: list[dict[str, Measured]] = []
+    for line in HEAD:
+        say(line)
+    for factor, points in QUICK if quick else CASES:
+        rows.append(shortest(path, factor, points, 1 if quick else ROUNDS))
+        say(_row(rows[-1]))
+    out.write_text(page(rows, (), quick=quick), encoding="utf-8")
+    say(f"page in {out}")
+
+
+def shortest(path: Path, factor: int, points: int, rounds: int) -> dict[str, Measured]:
+    """Return the shortest measurement of each layout."""
+    best: dict[str, Measured] = {}
+    end = time.monotonic() + PATIENCE
+    for number in range(rounds):
+        if number and time.monotonic() > end:
+            break
+        for name, (ranks, groups) in LAYOUTS.items():
+            here = in_child(path, ranks, factor, points, groups)
+            if name not in best or here.seconds < best[name].seconds:
+                best[name] = here
+    return best
+
+
+def slope(dofs: Sequence[float], seconds: Sequence[float]) -> float:
+    """Return the exponent p of seconds ~ dofs^p, by least squares of the logarithms."""
+    return float(np.polyfit(np.log(dofs), np.log(seconds), 1)[0])
+
+
+def _row(best: dict[str, Measured]) -> str:
+    one, two, split = (best[name] for name in LAYOUTS)
+    return (
+        f"| {one.dofs:,} | {one.points} | {one.seconds:.2f} ({one.cpu:.2f}) | {two.seconds:.2f} ({two.cpu:.2f}) "
+        f"| {split.seconds:.2f} ({split.cpu:.2f}) | {two.seconds / one.seconds:.2f} ({two.cpu / one.cpu:.2f}) "
+        f"| {split.seconds / one.seconds:.2f} ({split.cpu / one.cpu:.2f}) |"
+    )
+
+
+def page(rows: list[dict[str, Measured]], reduced_rows: Sequence[str], *, quick: bool = False) -> str:
+    """Return the page in Markdown; `reduced_rows` are the lines of the table of the reduced run, head included (none: left out)."""
+    names = list(LAYOUTS)
+    dofs = [row[names[0]].dofs for row in rows]
+    exponents = {name: slope(dofs, [row[name].seconds / row[name].points for row in rows]) for name in names}
+    large = [i for i, n in enumerate(dofs) if n > 4000]
+    upper = ""
+    if len(large) > 1:
+        late = slope([dofs[i] for i in large], [rows[i][names[0]].seconds / rows[i][names[0]].points for i in large])
+        upper = f"; {late:.2f} on one rank over the meshes of more than 4,000 dofs"
+    about = versions()
+    growth = ", ".join(f"{p:.2f} ({name})" for name, p in exponents.items())
+    reduced = "\n".join(["## The reduced sweep", "", *reduced_rows, ""]) if reduced_rows else ""
+    table = "\n".join([*HEAD, *(_row(row) for row in rows)])
+    command = "python3 -m drivers scale" + (" --quick" if quick else "")
+    return f"""# How the sweep grows
+
+Seconds of the direct sweep of the reference scene on finer and finer meshes, the whole of it: dealing out the matrices, one
+factorisation a frequency (complex, L D L^T by MUMPS), one solve for all loads and unit contact forces, their check, gathering. Mesh, assembly
+and start-up are left out. Wall seconds, and in parentheses the processor seconds of the busier rank, which other work on the
+machine disturbs less. The layouts took turns, {1 if quick else ROUNDS} time(s) each, and the shortest time counts.
+
+{table}
+
+By groups, each rank holds all matrices and takes every second frequency; with the domain split, two ranks share each factor. Ratios: below 0.5 is not to be had
+from two ranks; above 1 the second rank is a loss. Both ranks run on one machine here, so memory and its bandwidth are shared, and no network is in the way.
+
+Growth: seconds a frequency grow as dofs^p with p = {growth}{upper}. Nested dissection of a plane mesh promises p = 1.5 for
+the factorisation at large sizes, 1 for everything else.
+
+{reduced}## {FREQUENCIES:,} frequencies on {NODES} nodes
+
+{_extrapolation(rows)}
+
+Made by `{command}` on {datetime.now(UTC):%Y-%m-%d} with dolfinx {about["dolfinx"]}, PETSc {about["petsc"]}, Python {about["python"]}
+({platform.machine()}, {processor()}, {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f} at the end).
+"""
+
+
+def _extrapolation(rows: list[dict[str, Measured]]) -> str:
+    """Say what the measured figures lead to, and where they end."""
+    one, two, split = LAYOUTS
+    lines = [
+        "| dofs | seconds a frequency, both ranks of a machine busy | turns | seconds of the sweep | seconds on 1 rank | GiB a rank |",
+        "|" + "---:|" * 6,
+    ]
+    turns = -(-FREQUENCIES // (2 * NODES))
+    for row in rows:
+        busy = row[two].seconds * 2 / row[two].points
+        alone = row[one].seconds / row[one].points * FREQUENCIES
+        lines.append(f"| {row[one].dofs:,} | {busy:.3f} | {turns} | {turns * busy:.1f} | {alone:,.0f} | {row[two].memory / 2**30:.2f} |")
+    last, first = rows[-1], rows[0]
+    best = min(row[split].seconds / row[one].seconds for row in rows)
+    splitting = f"the best ratio measured above is {best:.2f}"
+    return f"""Measured: the time of a frequency with both ranks of a machine at work, in groups of one rank. Assumed: {NODES} machines like this one,
+two ranks each, which do not slow each other down, as they have nothing to say to each other between the first and the last frequency.
+
+{chr(10).join(lines)}
+
+The limit. With {2 * NODES} ranks the {FREQUENCIES:,} frequencies take {turns} turns; more than {FREQUENCIES:,} ranks find no frequency of their own, and the sweep
+cannot become shorter than one frequency takes ({last[two].seconds * 2 / last[two].points:.2f} s at {last[one].dofs:,} dofs), unless ranks share a
+factor: {splitting}. Before the sweep every rank needs its mesh and matrices: {first[two].ready:.1f} s at {first[one].dofs:,} dofs
+and {last[two].ready:.1f} s at {last[one].dofs:,}, which more machines do not shorten where each holds everything. The memory of a rank is that of the whole
+process; a rank must hold a whole factor, and where that no longer fits a group takes more ranks. What was not measured: a network, more than two ranks, and the
+gathering of the answers from many ranks, some kilobytes a frequency.
+"""
