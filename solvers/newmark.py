@@ -340,6 +340,7 @@ def transient(
     seen = np.zeros((len(archived), looks.shape[0]))
     n_probes = len(operators.probes.names)
     acted = np.zeros((len(archived), operators.contacts.law.n_channels))
+    felt = np.zeros((len(archived), n_probes))
     meter = EnergyMeter(operators) if energy else None
     with start.copy() as state:
         if given is not None:
@@ -359,6 +360,7 @@ def transient(
             row = n // every
             seen[row] = looks @ here
             acted[row] = state.release
+            felt[row] = operators.probes.partial(np.real(state.acceleration.array_r))
             if watch is not None:
                 watch(row, here)
             reach = np.max(np.abs(operators.probes.total(seen[row, :n_probes])), initial=0.0)
@@ -368,4 +370,4 @@ def transient(
     probes, elongation, *resultants = np.split(operators.probes.total(seen), ends[:-1], axis=1)
     reactions = operators.reactions.values(resultants[0], acted) if operators.reactions is not None else np.zeros((len(archived), 0))
     ledger = meter.ledger() if meter is not None else None
-    return History(archived, probes, elongation, acted, reactions, peak, peak_field, ledger)
+    return History(archived, probes, elongation, acted, reactions, peak, peak_field, ledger, operators.probes.total(felt))
