@@ -167,6 +167,7 @@ def _run(options: argparse.Namespace, begin: float) -> int:
     from drivers.scene import read_scene
 
     scene = read_scene(options.scene)
+    text = options.scene.read_text(encoding="utf-8")
     request = _request(options, scene)
     runtime.choose_scalars(request.scalars)
     out = options.out or Path("results") / options.scene.stem / request.method
@@ -174,14 +175,16 @@ def _run(options: argparse.Namespace, begin: float) -> int:
         writable_folder(out)
     with runtime.parallel() as comm:
         from drivers.analysis import prepare
+        from drivers.film import Film
         from drivers.methods import analyse
         from drivers.report import printed_values, write_run
 
         start_up = time.perf_counter() - begin
         with prepare(scene, comm) as plant:
             plant.clock.add("start-up", start_up)
-            analysis = analyse(plant, request)
-            write_run(plant, analysis, out, plots=not options.no_plots)
+            film = Film(plant)
+            analysis = analyse(plant, request, film)
+            write_run(plant, analysis, out, plots=not options.no_plots, film=film, scene_text=text)
             if not options.quiet:
                 for line in printed_values(plant, analysis):
                     runtime.say(line)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 
 import numpy as np
 
 from drivers.analysis import Analysis, Plant
+from drivers.film import Film
 from drivers.request import Request
 from drivers.runtime import require_scalars
 from drivers.scene import Transient
@@ -28,10 +30,10 @@ LEDGER_DOFS = 50_000
 """Up to this size the ledger of energies is kept, whose products of matrix and vector then cost less than the rest of a step."""
 
 
-def analyse(plant: Plant, request: Request) -> Analysis:
-    """Run one method (collective)."""
+def analyse(plant: Plant, request: Request, film: Film | None = None) -> Analysis:
+    """Run one method (collective), filmed if a film is given."""
     run = {"transient": _transient, "time-frequency": _time_frequency, "modal": _modal}[request.method]
-    return run(plant, request)
+    return run(plant, request, film)
 
 
 def _passes(solve, plant: Plant, request: Request) -> Passes:  # type: ignore[no-untyped-def]  # the callable of published_passes
@@ -75,7 +77,7 @@ class _LiftedShare:
         return self._area.total(self._partial) if self.rows.any() else None
 
 
-def _transient(plant: Plant, request: Request) -> Analysis:
+def _transient(plant: Plant, request: Request, film: Film | None) -> Analysis:
     settings, exact = _settings(plant), request.passes is None
     with (
         plant.clock.remainder("solution"),
@@ -89,9 +91,18 @@ def _transient(plant: Plant, request: Request) -> Analysis:
             if away > SETTLED:
                 log.warning("the settling steps end %.1e (relative) away from the state of rest: more of them, or start = 'static'", away)
         share = _LiftedShare(plant, settings.archived)
-        ledger, watch = plant.operators.n <= LEDGER_DOFS, share.watch if share.rows.any() else None
+        ledger = plant.operators.n <= LEDGER_DOFS
+
+        def look(row: int, values: np.ndarray) -> None:
+            share.watch(row, values)
+            if film is not None:
+                film.watch(row, values)
+
+        watch = look if film is not None or share.rows.any() else None
 
         def solve(release: np.ndarray | None) -> History:
+            if film is not None:
+                film.start(len(settings.archived))
             return transient(method, start, settings.steps, every=settings.every, release=release, energy=ledger, watch=watch)
 
         passes = Passes([solve(None)], number=1) if exact else _passes(solve, plant, request)
@@ -100,12 +111,24 @@ def _transient(plant: Plant, request: Request) -> Analysis:
         return Analysis("transient", passes, exact, tries=tries, lifted=None if passes.ended == "diverged" else share.result())
 
 
-def _time_frequency(plant: Plant, request: Request) -> Analysis:
+def _time_frequency(plant: Plant, request: Request, film: Film | None) -> Analysis:
     require_scalars("complex")
-    return _laplace(plant) if request.passes is None else _fourier(plant, request)
+    return _laplace(plant, film) if request.passes is None else _fourier(plant, request, film)
 
 
-def _laplace(plant: Plant) -> Analysis:
+def _film(film: Film | None, instants: int, field: Callable[[int], np.ndarray | None], *, costly: bool = True) -> None:
+    """Film what `field` gives at the film's own instants (collective); nothing where fields were not kept."""
+    if film is None:
+        return
+    film.start(instants, costly=costly)
+    for row in film.rows:
+        values = field(int(row))
+        if values is None:
+            return
+        film.watch(int(row), values)
+
+
+def _laplace(plant: Plant, film: Film | None) -> Analysis:
     from solvers.laplace import laplace_run
 
     settings = _settings(plant)
@@ -123,6 +146,7 @@ def _laplace(plant: Plant) -> Analysis:
             values = run.field(row)
             if values is not None:
                 share.watch(row, values)
+        _film(film, len(settings.archived), run.field)
     notes = {"laplace_points": run.points}
     return Analysis("time-frequency", Passes([run.history], number=1), True, tries=run.tries, lifted=share.result(), notes=notes)
 
@@ -136,7 +160,7 @@ def _unsettled(plant: Plant, static: State) -> float:
     return float(away / size) if size > 0 else float(away > 0)
 
 
-def _fourier(plant: Plant, request: Request) -> Analysis:
+def _fourier(plant: Plant, request: Request, film: Film | None) -> Analysis:
     from solvers import fourier
     from solvers.harmonic import FourierResponse, harmonic_sweep
 
@@ -149,10 +173,17 @@ def _fourier(plant: Plant, request: Request) -> Analysis:
         passes = _passes(response.history, plant, request)
         again = fourier.inverse_by_sum(response.probe_spectrum(passes.final.release), window.samples)
         check = float(np.max(np.abs(again - passes.final.probes), initial=0.0))
+        acted = passes.final.release
+        _film(film, window.samples, lambda row: response.field(acted, row))
+        if film is not None:
+            strongest = 1 + int(np.argmax(np.max(np.abs(response.probe_spectrum(acted)[1:]), axis=1)))
+            amplitudes = response.amplitudes(acted, strongest)
+            if amplitudes is not None:
+                film.note_amplitude(float(window.frequencies[strongest]), amplitudes)
     return Analysis("time-frequency", passes, False, transform_check=check, notes={"frequencies": len(window.frequencies)})
 
 
-def _modal(plant: Plant, request: Request) -> Analysis:
+def _modal(plant: Plant, request: Request, film: Film | None) -> Analysis:
     from solvers import reduced
     from solvers.modal import modes
 
@@ -190,6 +221,7 @@ def _modal(plant: Plant, request: Request) -> Analysis:
     share = _LiftedShare(plant, settings.archived)
     for row in np.flatnonzero(share.rows):
         share.watch(row, model.field(marched[0].coordinates[row]))
+    _film(film, len(settings.archived), lambda row: model.field(marched[0].coordinates[row]), costly=False)
     notes = {
         "modes": found.number,
         "basis_vectors": basis.size,

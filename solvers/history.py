@@ -49,4 +49,5 @@ class History:
     ledger: Ledger | None = None
     """Energies, where they were kept."""
     accelerations: np.ndarray | None = None
-    """(nt, n_probes) m/s2 of the probes, relative to the base, where the solver knows them."""
+    """(nt, n_probes) m/s2 of the probes, relative to the base: those of the time scheme, of the spectrum, or (from the Laplace points)
+    second differences of the displacements at every step."""

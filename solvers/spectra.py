@@ -109,8 +109,9 @@ def _weights(rate: complex, step: float, share: float) -> tuple[complex, complex
 def second_differences(displacement: np.ndarray, step: float) -> np.ndarray:
     """Return accelerations (nt, n) from displacements (nt, n) at every step of a time integration, the ends as beside them.
 
-    For the average-acceleration scheme they are its accelerations weighed 1/4, 1/2, 1/4 over three instants: a component of frequency
-    f appears reduced by cos^2(pi f step), at a tenth of the sampling rate by a tenth, and the scheme's own ringing from step to step not at all.
+    For the average-acceleration scheme they are its accelerations weighed 1/4, 1/2, 1/4 over three instants: a component of
+    frequency f appears reduced by cos^2(pi f step), at a tenth of the sampling rate by a tenth, and the scheme's own ringing from
+    step to step not at all.
     """
     second = np.zeros_like(displacement)
     if len(second) > 2:
