@@ -36,6 +36,8 @@ class Footage:
     """(1 or 0, n_nodes, 3) m: the displacement when a probe is farthest from zero, where it was kept."""
     envelope: np.ndarray
     """(2 or 0, n_nodes, 3) m: least and largest displacement of each component at the watched instants."""
+    lifted: np.ndarray
+    """(nt,) share of the plate's area that has risen, in percent; nan at the instants that were not watched."""
     watched: int
     """Instants that the envelope stands for."""
     frequency: float = 0.0
@@ -70,6 +72,7 @@ class Film:
         self._frames: dict[int, np.ndarray] = {}
         self._wanted = set(self.rows.tolist())
         self._lowest, self._highest = np.full(n_local, np.inf), np.full(n_local, -np.inf)
+        self._lifted = np.full(instants, np.nan)
         self._watched = 0
         self._frequency, self._amplitude = 0.0, np.zeros(0, dtype=complex)
 
@@ -83,6 +86,7 @@ class Film:
             self._frames[row] = values.copy()
         np.minimum(self._lowest, values, out=self._lowest)
         np.maximum(self._highest, values, out=self._highest)
+        self._lifted[row] = self._plant.assembled.lifted_area.partial(values)
         self._watched += 1
 
     def develop(self, peak: np.ndarray | None) -> Footage | None:
@@ -94,6 +98,7 @@ class Film:
         if not fields:
             return None
         nodal = [in_space(self._plant.assembled.displacement(values)) for values in fields]
+        lifted = self._plant.assembled.lifted_area.total(self._lifted)
         mesh = gather_mesh(self._plant.tagged)
         packed = gather_nodal(self._plant.tagged, self._plant.assembled.space, np.concatenate(nodal, axis=1))
         if mesh is None or packed is None:
@@ -106,6 +111,7 @@ class Film:
             parts[0].astype(np.float32),
             parts[3],
             parts[1],
+            lifted,
             self._watched,
             self._frequency,
             parts[2][0] + 1j * parts[2][1] if amplitude else None,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -9,10 +10,12 @@ import numpy as np
 
 from drivers.analysis import Analysis, Plant
 from drivers.film import Film
-from drivers.output import all_or_nothing, versions, write_history, write_summary
+from drivers.output import all_or_nothing, processor, versions, write_history, write_summary
+from drivers.report_html import NAME as REPORT
+from drivers.report_html import write_report
 from drivers.results import collect
 from drivers.results_file import NAME as RESULTS
-from drivers.results_file import write_results
+from drivers.results_file import read_results, write_results
 from drivers.runtime import heard_warnings
 from drivers.viewer_files import write_fields, write_film
 from meshes.gather import WholeMesh
@@ -43,6 +46,7 @@ def write_run(
                 _draw(plant, analysis, staging, mesh, displacement)
             results = collect(plant, analysis, footage, _summary(plant, analysis), scene_text)
             write_results(staging / RESULTS, results)
+            write_report(staging / REPORT, read_results(staging / RESULTS))
             if results.plate is not None:
                 write_fields(staging, results.plate)
                 if len(results.plate.rows):
@@ -152,6 +156,8 @@ def _summary(plant: Plant, analysis: Analysis) -> dict[str, Any]:
         "peak_time_s": _instant(history.times[history.peak]),
         "seconds": plant.clock.seconds,
         "versions": versions(),
+        "processor": processor(),
+        "written": datetime.now(UTC).isoformat(timespec="seconds"),
     }
 
 

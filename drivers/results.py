@@ -128,9 +128,10 @@ def collect(plant: Plant, analysis: Analysis, footage: Footage | None, facts: di
         series |= _contacts(plant, analysis)
     if operators.reactions is not None and history.reactions.shape[1]:
         series |= _reactions(operators.reactions.functionals.names, history.reactions)
-    if analysis.lifted is not None:
+    lifted = footage.lifted if footage is not None and footage.watched else analysis.lifted
+    if lifted is not None:
         about = "Share of the plate's area whose nodes have risen"
-        series["uplift/area"] = Series(("lifted area",), "%", analysis.lifted[:, None], about)
+        series["uplift/area"] = Series(("lifted area",), "%", lifted[:, None], about)
     if history.ledger is not None:
         ledger = history.ledger
         names = ("kinetic", "strain", "springs", "damped", "work of loads", "numerical")

@@ -20,7 +20,8 @@ WARNINGS_ARE_ERRORS = ["-W", "error", "-W", "ignore:Could not import numba:Impor
 
 TABLES = ["contacts", "history", "reactions"]
 FIELDS = ["deformed.med", "deformed.vtu", "film.xdmf"]
-FILES = sorted(["deformed.png", *FIELDS, "results.h5", "summary.json", *(f"{t}.{end}" for t in TABLES for end in ("csv", "png"))])
+KEPT = ["report.html", "results.h5", "summary.json"]
+FILES = sorted(["deformed.png", *FIELDS, *KEPT, *(f"{t}.{end}" for t in TABLES for end in ("csv", "png"))])
 
 
 def drivers(*arguments, cwd=None, python=(), **environment):
@@ -178,7 +179,7 @@ def test_a_transient_run_loads_only_what_it_needs(tmp_path):
     )
     done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, timeout=120)
     assert done.stdout == "0 float64 []\n", done.stderr
-    assert {p.suffix for p in tmp_path.iterdir()} == {".vtu", ".med", ".xdmf", ".h5", ".csv", ".json"}
+    assert {p.suffix for p in tmp_path.iterdir()} == {".vtu", ".med", ".xdmf", ".h5", ".html", ".csv", ".json"}
 
 
 def test_failed_run_leaves_the_older_results_alone(tmp_path):
