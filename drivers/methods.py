@@ -33,7 +33,10 @@ LEDGER_DOFS = 50_000
 def analyse(plant: Plant, request: Request, film: Film | None = None) -> Analysis:
     """Run one method (collective), filmed if a film is given."""
     run = {"transient": _transient, "time-frequency": _time_frequency, "modal": _modal}[request.method]
-    return run(plant, request, film)
+    analysis = run(plant, request, film)
+    if film is not None and analysis.passes.ended == "diverged":
+        film.start(0)  # what ran away is not what the history holds
+    return analysis
 
 
 def _passes(solve, plant: Plant, request: Request) -> Passes:  # type: ignore[no-untyped-def]  # the callable of published_passes

@@ -52,9 +52,9 @@ def report(results: Results) -> str:
               "provenance": "Provenance"}
     links = "\n".join(f'<a href="#{key}">{titles[key]}</a>' for key, part in parts.items() if part)
     title = str(facts.get("title") or "Uplift")
-    head = f'<header>\n<h1>{escape(title)}</h1>\n<p class="how">{escape(_how(results))}</p>\n<nav>{links}</nav>\n{_warnings(results)}\n</header>'
+    top = f'<h1>{escape(title)}</h1>\n<p class="how">{escape(_how(results))}</p>\n<nav>{links}</nav>'
     main = "\n".join(part for part in parts.values() if part)
-    body = f"{head}\n<main>\n{main}\n</main>\n<footer>{FOOTER}</footer>"
+    body = f"<header>\n{top}\n{_warnings(results)}\n</header>\n<main>\n{main}\n</main>\n<footer>{FOOTER}</footer>"
     charts = [chart for group in groups.values() for chart in group]
     return page(title, body, {"charts": charts, "film": film, "lines": lines})
 
@@ -212,8 +212,8 @@ def _spectra_words(results: Results) -> str:
     step = results.step
     return (
         '<p class="note">Largest absolute acceleration of oscillators that stand at the probes, within the time of the run. The '
-        f"accelerations are taken as linear between the archived instants, {step:.4g} s apart: motion above some {number(0.1 / step, 2)} Hz is not "
-        "resolved; archive more steps where it matters.</p>"
+        f"accelerations are taken as linear between the archived instants, {step:.4g} s apart: motion above some "
+        f"{number(0.1 / step, 2)} Hz is not resolved; archive more steps where it matters.</p>"
     )
 
 

@@ -51,6 +51,7 @@ def number(value: float, digits: int = 4) -> str:
         return "unknown"
     if value == 0:
         return "0"
+    value = float(f"{value:.{digits - 1}e}")
     if 1e-4 <= abs(value) < 1e6:
         decimals = max(0, digits - 1 - math.floor(math.log10(abs(value))))
         text = f"{value:.{decimals}f}"

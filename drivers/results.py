@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from drivers.analysis import Analysis, Plant
 from drivers.contact_lines import contact_lines
 from solvers.spectra import DAMPING, FREQUENCIES, ResponseSpectrum, response_spectrum
 
 if TYPE_CHECKING:
+    from drivers.analysis import Analysis, Plant
     from drivers.film import Footage
 
 AXES = "XYZ"
@@ -92,9 +92,9 @@ class Results:
 
     def with_spectra(self, damping: tuple[float, ...]) -> Results:
         """Return the same results with floor response spectra for other damping ratios."""
-        from dataclasses import replace
-
-        return replace(self, spectra=floor_spectra(self.times, self.series, damping))
+        spectra = floor_spectra(self.times, self.series, damping)
+        names = self.series["probes/acceleration"].names if spectra is not None else ()
+        return replace(self, spectra=spectra, spectra_names=names)
 
 
 def in_space(points: Any) -> np.ndarray:

@@ -88,7 +88,7 @@ function frame(holder, spec, height, margin) {
     draw("text", { class: "tick", x: x(v), y: box.bottom + 16, "text-anchor": "middle" }, svg, say(v));
   }
   if (!spec.noRows) {
-    for (const v of ticks(y0, y1, (box.bottom - box.top) / 42)) {
+    for (const v of ticks(y0, y1, (box.bottom - box.top) / 34)) {
       draw("path", { class: v === 0 ? "grid zero" : "grid", d: `M${box.left} ${y(v)}H${box.right}` }, svg);
       draw("text", { class: "tick", x: box.left - 7, y: y(v) + 4, "text-anchor": "end" }, svg, say(v));
     }

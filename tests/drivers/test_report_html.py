@@ -94,7 +94,7 @@ def test_numbers_in_words():
     assert written(0.0, "N") == "0 N"
     assert written(2.2408, "m/s2") == "2.241 m/s²"
     assert number(1.5e-13) == "1.500e-13" and number(float("nan")) == "unknown"
-    assert number(123456.0) == "123456" and number(0.00012345) == "0.0001234"
+    assert number(123456.0) == "123500" and number(0.00012344) == "0.0001234" and number(0.99999) == "1.000"
 
 
 def test_findings_say_what_is_wrong(results):
