@@ -110,6 +110,27 @@ def outline(corners: np.ndarray) -> np.ndarray:
     return different[count == 1]
 
 
+def loops(edges: np.ndarray) -> list[list[int]]:
+    """Return the closed curves that the edges (n, 2) of an outline make, as lists of nodes."""
+    neighbours: dict[int, list[int]] = {}
+    for a, b in edges.tolist():
+        neighbours.setdefault(a, []).append(b)
+        neighbours.setdefault(b, []).append(a)
+    found = []
+    while neighbours:
+        loop = [next(iter(neighbours))]
+        while loop[-1] in neighbours:
+            here = loop[-1]
+            there = neighbours[here].pop()
+            neighbours[there].remove(here)
+            for node in (here, there):
+                if not neighbours[node]:
+                    del neighbours[node]
+            loop.append(there)
+        found.append(loop[:-1])
+    return found
+
+
 def is_flat(plate: Plate) -> bool:
     """Return whether the plate lies in the plane XY and stays there."""
     moved = np.abs(plate.film).max(axis=(0, 1), initial=0.0) if len(plate.film) else np.abs(plate.peak).max(axis=(0, 1), initial=0.0)
@@ -151,6 +172,7 @@ def film_data(results: Results) -> dict[str, Any] | None:
         "points": [[_short(v, 7) for v in point] for point in plate.points[used]],
         "cells": numbers[:n_cells].reshape(cells.shape).tolist(),
         "edges": numbers[n_cells : n_cells + n_edges].reshape(-1, 2).tolist(),
+        "loops": [] if len(cells) else loops(numbers[n_cells : n_cells + n_edges].reshape(-1, 2)),
         "feet": numbers[n_cells + n_edges :].tolist(),
         "flat": flat, "up": up_axis(results), "components": components, "largest": largest, "frames": packed(codes),
         "start": int(np.argmin(np.abs(results.times[rows] - float(results.facts.get("peak_time_s", 0.0))))),

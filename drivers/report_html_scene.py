@@ -6,7 +6,7 @@ from html import escape
 
 import numpy as np
 
-from drivers.report_html_data import is_flat, outline, up_axis
+from drivers.report_html_data import is_flat, loops, outline, up_axis
 from drivers.results import Results
 
 WIDTH = 460
@@ -66,15 +66,14 @@ def scene_svg(results: Results) -> str:
         return ""
     drawing = _Drawing(projection(up_axis(results), flat=is_flat(plate)), plate.points)
     corners = plate.corners
+    px = drawing.at(plate.points)
+    around = "".join(f"M{'L'.join(_xy(p) for p in px[loop])}Z" for loop in loops(outline(corners)))
     parts = []
     if len(corners) <= 1500:
-        corner_px = drawing.at(plate.points)[corners]
-        parts += [f'<polygon class="cell" points="{_path(cell)}"/>' for cell in corner_px]
+        parts += [f'<polygon class="cell" points="{_path(cell)}"/>' for cell in px[corners]]
     else:
-        parts.append(f'<path class="cell solid" d="{_hull(drawing.at(plate.points))}"/>')
-    edges = drawing.at(plate.points)[outline(corners)]
-    lines = "".join(f"M{a[0]:.1f} {a[1]:.1f}L{b[0]:.1f} {b[1]:.1f}" for a, b in edges)
-    parts.append(f'<path class="outline" d="{lines}"/>')
+        parts.append(f'<path class="cell" fill-rule="evenodd" d="{around}"/>')
+    parts.append(f'<path class="outline" d="{around}"/>')
     contacts, directions = results.points.get("contacts", np.zeros((0, 3))), results.points.get("directions", np.zeros((0, 3)))
     every = max(1, -(-len(contacts) // MANY))
     for px, direction in zip(drawing.at(contacts)[::every] if len(contacts) else [], directions[::every], strict=True):
@@ -102,13 +101,6 @@ def _high(point: np.ndarray, points: np.ndarray, up: int) -> bool:
 
 def _path(points: np.ndarray) -> str:
     return " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
-
-
-def _hull(points: np.ndarray) -> str:
-    from scipy.spatial import ConvexHull
-
-    around = points[ConvexHull(points).vertices]
-    return "M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in around) + "Z"
 
 
 def _support(px: np.ndarray, push: np.ndarray) -> str:

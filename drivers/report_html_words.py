@@ -99,10 +99,12 @@ def key_values(results: Results) -> list[KeyValue]:
     shown: list[KeyValue] = []
     times = results.times
 
-    def farthest(what: str, series: Series, *, positive: bool = False) -> None:
+    def farthest(what: str, series: Series, *, positive: bool = False, rounding: float = 0.0) -> None:
         values = np.where(np.isfinite(series.values), series.values, 0.0)
         row, column = np.unravel_index(np.argmax(values if positive else np.abs(values)), values.shape)
         value = float(values[row, column])
+        if abs(value) < rounding:
+            value = 0.0
         name = f"{series.names[column]}, " if len(series.names) > 1 else ""
         shown.append(KeyValue(what, written(value, series.unit, 3 if series.unit == "%" else 4), f"{name}t = {times[row]:.6g} s"))
 
@@ -120,12 +122,16 @@ def key_values(results: Results) -> list[KeyValue]:
     ):
         if path in results.series:
             farthest(what, results.series[path], positive=True)
+    forces = results.series.get("reactions/force")
+    # Of forces that balance round-off is left, where the scene moves nothing along an axis.
+    rounding = 1e-12 * float(np.max(np.abs(forces.values), initial=0.0)) if forces is not None else 0.0
     for path in ("reactions/force", "reactions/moment"):
         if path in results.series:
             part = results.series[path]
             for i, name in enumerate(part.names):
                 if "vertical" not in name:
-                    farthest(f"Largest {name}", Series((name,), part.unit, part.values[:, [i]], ""))
+                    one = Series((name,), part.unit, part.values[:, [i]], "")
+                    farthest(f"Largest {name}", one, rounding=rounding)
     return shown
 
 
@@ -155,7 +161,7 @@ def findings(results: Results) -> list[str]:
         if flying.size:
             words.append(f"All contacts are open at once at {flying.size} archived instant(s), first at t = {times[flying[0]]:.6g} s.")
     ledger = results.series.get("energy/ledger")
-    if ledger is not None:
+    if ledger is not None and ended != "diverged":
         columns = dict(zip(ledger.names, ledger.values.T, strict=True))
         turned = max(float(np.max(np.abs(columns["work of loads"]))), float(np.max(columns["kinetic"])))
         lost = float(np.max(np.abs(columns["numerical"])))

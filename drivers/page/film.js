@@ -113,6 +113,12 @@ function film(data) {
       context.fill();
       context.stroke();
     }
+    context.beginPath();
+    for (const loop of data.loops) {
+      loop.forEach((i, k) => (k ? context.lineTo(...here[i]) : context.moveTo(...here[i])));
+      context.closePath();
+    }
+    context.fill("evenodd");
     context.strokeStyle = "#26323c";
     context.lineWidth = 1.6;
     context.beginPath();

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from drivers.report_html import report
-from drivers.report_html_data import film_data, outline, thinned, time_map
+from drivers.report_html_data import film_data, loops, outline, thinned, time_map
 from drivers.report_html_words import findings, number, written
 from drivers.results import Plate, Series
 from drivers.results_file import read_results
@@ -86,6 +86,13 @@ def test_maps_keep_the_largest_of_every_stretch():
 def test_outline_of_two_cells():
     edges = outline(np.array([[0, 1, 4, 3], [1, 2, 5, 4]]))
     assert len(edges) == 6 and [1, 4] not in edges.tolist()
+    (loop,) = loops(edges)
+    assert sorted(loop) == [0, 1, 2, 3, 4, 5]
+    assert {tuple(sorted(pair)) for pair in zip(loop, loop[1:] + loop[:1], strict=True)} == {tuple(edge) for edge in edges.tolist()}
+    # A plate with a hole has two curves.
+    first = (np.arange(3)[:, None] * 4 + np.arange(3)).ravel()
+    ring = np.delete(np.column_stack([first, first + 1, first + 5, first + 4]), 4, axis=0)
+    assert sorted(len(loop) for loop in loops(outline(ring))) == [4, 12]
 
 
 def test_numbers_in_words():
@@ -127,6 +134,7 @@ def test_a_long_film_of_a_large_plate_stays_small(results):
     film[:, :, 0] = 0.01 * np.sin(np.arange(200))[:, None] * points[:, 1]
     plate = Plate(points, cells, "quad", film[:1], results.plate.rows, film, film[:2], 501)
     data = film_data(replace(results, plate=plate))
+    assert len(data["loops"]) == 1 and len(data["loops"][0]) == 4 * n
     assert data["cells"] == [] and len(data["edges"]) == 4 * n and len(data["points"]) == 4 * n
     assert len(json.dumps(data)) < 2_500_000
 
