@@ -117,11 +117,11 @@ class Comparison:
             lines += [f"  {key}: {a} -> {b}" for key, a, b in self.changes[:20]]
             lines += [f"  and {len(self.changes) - 20} more"] if len(self.changes) > 20 else []
         width = max(len(_title(pair)) for pair in self.pairs[:LISTED]) + 2
-        lines += ["", f"{'':<{width}}{'max |A|':>14}{'max |B-A|':>14}{'at t [s]':>10}{'relative':>11}{'rms B-A':>14}{'relative':>11}"]
+        lines += ["", f"{'':<{width}}{'max |A|':>15}{'max |B-A|':>17}{'at t [s]':>10}{'relative':>11}{'rms B-A':>17}{'relative':>11}"]
         for pair in self.pairs[:LISTED]:
             lines.append(
-                f"{_title(pair):<{width}}{written(float(np.max(np.abs(pair.first))), pair.unit):>14}{written(pair.largest, pair.unit):>14}"
-                f"{pair.when:>10.5g}{pair.relative_largest:>11.2e}{written(pair.rms, pair.unit):>14}{pair.relative_rms:>11.2e}"
+                f"{_title(pair):<{width}}{written(float(np.max(np.abs(pair.first))), pair.unit):>15}{written(pair.largest, pair.unit):>17}"
+                f"{pair.when:>10.5g}{pair.relative_largest:>11.2e}{written(pair.rms, pair.unit):>17}{pair.relative_rms:>11.2e}"
             )
         if len(self.pairs) > LISTED:
             lines.append(f"and {len(self.pairs) - LISTED} more in the files")

@@ -16,8 +16,8 @@ MARGIN = 74
 
 YAW, PITCH = np.radians(32.0), np.radians(22.0)
 
-MANY = 60
-"""Of more supports than this only every so-manieth is drawn."""
+APART = 15.0
+"""px between two supports at least: where they stand closer only every so-manieth is drawn."""
 
 
 def projection(up: int, *, flat: bool) -> np.ndarray:
@@ -75,14 +75,15 @@ def scene_svg(results: Results) -> str:
         parts.append(f'<path class="cell" fill-rule="evenodd" d="{around}"/>')
     parts.append(f'<path class="outline" d="{around}"/>')
     contacts, directions = results.points.get("contacts", np.zeros((0, 3))), results.points.get("directions", np.zeros((0, 3)))
-    every = max(1, -(-len(contacts) // MANY))
-    for px, direction in zip(drawing.at(contacts)[::every] if len(contacts) else [], directions[::every], strict=True):
-        parts.append(_support(px, drawing.along(direction)))
+    every = _every(drawing.at(contacts)) if len(contacts) else 1
+    for point, direction in zip(contacts[::every], directions[::every], strict=True):
+        parts.append(_support(drawing.at(point)[0], drawing.along(direction)))
     down = np.array([0.0, 1.0])
     for points, kind in ((results.points.get("bonded"), "bonded"), (results.points.get("springs"), "spring")):
         if points is not None and len(points):
-            parts += [_spring(px, -down if _high(points[k], plate.points, up_axis(results)) else down, kind)
-                      for k, px in enumerate(drawing.at(points)) if k % max(1, len(points) // MANY) == 0]
+            for point in points[:: _every(drawing.at(points))]:
+                away = -down if _high(point, plate.points, up_axis(results)) else down
+                parts.append(_spring(drawing.at(point)[0], away, kind))
     for name, px in zip(results.probe_names, drawing.at(results.points["probes"]), strict=True):
         parts.append(f'<circle class="probe" cx="{px[0]:.1f}" cy="{px[1]:.1f}" r="4.5"/>')
         right = px[0] < WIDTH - 60
@@ -97,6 +98,12 @@ def scene_svg(results: Results) -> str:
 def _high(point: np.ndarray, points: np.ndarray, up: int) -> bool:
     """Whether a spring stands nearer to the top than to the foot."""
     return bool(point[up] > points[:, up].mean())
+
+
+def _every(px: np.ndarray) -> int:
+    """Return of how many points in px one is drawn, so that they keep their distance along the longer side of their box."""
+    room = float(np.ptp(px, axis=0).max()) / APART
+    return max(1, int(np.ceil((len(px) - 1) / max(room, 1.0))))
 
 
 def _path(points: np.ndarray) -> str:

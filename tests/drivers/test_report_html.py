@@ -139,6 +139,19 @@ def test_a_long_film_of_a_large_plate_stays_small(results):
     assert len(json.dumps(data)) < 2_500_000
 
 
+def test_warnings_of_the_log_are_on_the_page(tmp_path):
+    text = SCENE.read_text(encoding="utf-8").replace("steps = 10", "steps = 1").replace("step = 1.0 ", "step = 0.01 ")
+    scene = tmp_path / "settling.toml"
+    scene.write_text(text, encoding="utf-8")
+    command = [sys.executable, "-m", "drivers", "run", str(scene), "--out", str(tmp_path / "out"), "--no-plots", "--quiet"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0 and "away from the state of rest" in done.stderr
+    (heard,) = read_results(tmp_path / "out").facts["warnings"]
+    assert heard in done.stderr
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert f"<li>{heard[:1].upper()}{heard[1:].replace(chr(39), '&#x27;')}.</li>" in page
+
+
 SHAPES = "return Array.from(document.querySelectorAll('figure svg.chart')).map(s => s.querySelectorAll('path.curve, image').length)"
 
 

@@ -142,6 +142,14 @@ def test_fields_open_with_meshio(folder):
 
 
 @pytest.mark.serial
+def test_the_tour_of_a_results_file_runs(folder):
+    command = [sys.executable, "-W", "error", str(ROOT / "docs" / "read_results.py"), str(folder)]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    assert "P3.DX: -6.404" in done.stdout and "first opening at t =" in done.stdout and "45 nodes, 200 frames" in done.stdout
+
+
+@pytest.mark.serial
 def test_nine_node_cells_open_too(tmp_path):
     text = SCENE.read_text(encoding="utf-8").replace("degree = 1", "degree = 2").replace("duration = 5.0", "duration = 0.1")
     scene = tmp_path / "nine.toml"
