@@ -122,6 +122,26 @@ def _parser() -> argparse.ArgumentParser:
     truncation.add_argument("--no-plots", action="store_true", help="draw no pictures")
     truncation.add_argument("--quiet", action="store_true", help="print errors only")
     truncation.set_defaults(command=_truncation)
+    report = commands.add_parser(
+        "report", help="make the report of a run again", description="Make the page of a run from its results file alone.",
+    )
+    report.add_argument("results", type=Path, metavar="RESULTS", help="a results file, or the folder of a run")
+    report.add_argument("--out", type=Path, metavar="FILE.html", help="default: report.html beside the results")
+    report.add_argument("--damping", type=_percent, nargs="+", metavar="PERCENT", help="damping of the floor spectra (default: 2 5 10)")
+    report.set_defaults(command=_report)
+
+    compare = commands.add_parser(
+        "compare", help="compare two runs",
+        description="Tabulate the differences of two runs, B against A, and write a page with both over each other.",
+    )
+    compare.add_argument("first", type=Path, metavar="A", help="a results file, or the folder of a run")
+    compare.add_argument("second", type=Path, metavar="B", help="another one")
+    compare.add_argument("--out", type=Path, default=Path("results/compare"), metavar="DIR", help="default: %(default)s")
+    compare.add_argument("--tolerance", type=_positive, metavar="TOL",
+                         help="exit code 1 if a probe's displacement differs by more, relative to its largest value")
+    compare.add_argument("--no-plots", action="store_true", help="draw no picture")
+    compare.set_defaults(command=_compare)
+
     cost = commands.add_parser(
         "cost", help="what exact uplift costs beside a linear run",
         description="Measure exact uplift against linear runs, bare solves and sweeps on finer and finer meshes; write a page.",
@@ -164,6 +184,16 @@ def _passes(text: str) -> int:
     if number < 1:
         raise argparse.ArgumentTypeError(f"expected a whole number >= 1 or 'exact', got {text!r}")
     return number
+
+
+def _percent(text: str) -> float:
+    try:
+        number = float(text)
+    except ValueError:
+        number = -1.0
+    if not 0 <= number < 100:
+        raise argparse.ArgumentTypeError(f"expected a number of percent from 0 to below 100, got {text!r}")
+    return number / 100
 
 
 def _positive(text: str) -> float:
@@ -215,6 +245,7 @@ def _run(options: argparse.Namespace, begin: float) -> int:
     from drivers.scene import read_scene
 
     scene = read_scene(options.scene)
+    text = options.scene.read_text(encoding="utf-8")
     request = _request(options, scene)
     if options.groups is not None and request.method != "time-frequency":
         raise ModelError("--groups", f"shares the points of a sweep, and the method {request.method} has none")
@@ -224,6 +255,7 @@ def _run(options: argparse.Namespace, begin: float) -> int:
         writable_folder(out)
     with Signals() as signals, runtime.parallel() as comm:
         from drivers.analysis import prepare
+        from drivers.film import Film
         from drivers.methods import analyse
         from drivers.report import printed_values, write_run
 
@@ -237,9 +269,10 @@ def _run(options: argparse.Namespace, begin: float) -> int:
             with watched(
                 plant, run, out / "checkpoint", signals, seconds=options.checkpoint, resume=options.resume, quiet=options.quiet
             ) as watch:
-                analysis = analyse(plant, request, groups=options.groups, watch=watch)
+                film = Film(plant)
+                analysis = analyse(plant, request, film, groups=options.groups, watch=watch)
                 analysis.notes["memory_MiB"] = memory_facts(need, comm)
-                write_run(plant, analysis, out, plots=not options.no_plots)
+                write_run(plant, analysis, out, plots=not options.no_plots, film=film, scene_text=text)
             if not options.quiet:
                 for line in printed_values(plant, analysis):
                     runtime.say(line)
@@ -257,6 +290,33 @@ def _respond(plant: Plant, out: Path, options: argparse.Namespace) -> int:
     if not options.quiet:
         runtime.say("\n".join([*lines, f"seconds: {plant.clock.line()}", f"files in {out}"]))
     return 0
+
+
+def _report(options: argparse.Namespace, begin: float) -> int:
+    from drivers.output import writable_folder
+    from drivers.report_html import NAME, write_report
+    from drivers.results_file import find_results, read_results
+
+    results = read_results(options.results)
+    if options.damping:
+        results = results.with_spectra(tuple(options.damping))
+    out = options.out or find_results(options.results).with_name(NAME)
+    writable_folder(out.absolute().parent)
+    write_report(out, results)
+    runtime.say(str(out))
+    return 0
+
+
+def _compare(options: argparse.Namespace, begin: float) -> int:
+    from drivers.compare import compare, write_comparison
+    from drivers.output import writable_folder
+    from drivers.results_file import read_results
+
+    comparison = compare(read_results(options.first), read_results(options.second), (str(options.first), str(options.second)))
+    writable_folder(options.out)
+    write_comparison(options.out, comparison, plots=not options.no_plots)
+    runtime.say("\n".join(comparison.lines()) + f"\nfiles in {options.out}")
+    return FAILED if options.tolerance is not None and comparison.worst() > options.tolerance else 0
 
 
 def _failure(passes: Passes, scene: Path) -> str:

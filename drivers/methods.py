@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 
 import numpy as np
 
 from drivers.analysis import Analysis, Plant
+from drivers.film import Film
 from drivers.request import Request
 from drivers.runtime import require_scalars
 from drivers.scene import Transient
@@ -29,8 +31,10 @@ LEDGER_DOFS = 50_000
 """Up to this size the ledger of energies is kept, whose products of matrix and vector then cost less than the rest of a step."""
 
 
-def analyse(plant: Plant, request: Request, *, groups: int | None = None, watch: Watch | None = None) -> Analysis:
-    """Run one method (collective). Raises `ModelError` where it needs a static state and nothing holds the plate.
+def analyse(
+    plant: Plant, request: Request, film: Film | None = None, *, groups: int | None = None, watch: Watch | None = None
+) -> Analysis:
+    """Run one method (collective), filmed if a film is given. Raises `ModelError` where it needs a static state and nothing holds the plate.
 
     A sweep uses `groups` groups of ranks (None: chosen from the sizes); `watch` shows the progress of long loops and keeps their
     checkpoints.
@@ -39,10 +43,14 @@ def analyse(plant: Plant, request: Request, *, groups: int | None = None, watch:
     if request.method == "time-frequency":
         require_scalars("complex")
         sweep = _laplace if request.passes is None else _fourier
-        return sweep(plant, request, groups, watch)
-    if request.method == "transient":
-        return _transient(plant, request, watch)
-    return _modal(plant, request) if request.method == "modal" else _static(plant)
+        analysis = sweep(plant, request, film, groups, watch)
+    elif request.method == "transient":
+        analysis = _transient(plant, request, film, watch)
+    else:
+        analysis = (_modal if request.method == "modal" else _static)(plant, request, film)
+    if film is not None and analysis.passes.ended == "diverged":
+        film.start(0)  # what ran away is not what the history holds
+    return analysis
 
 
 def _passes(solve, plant: Plant, request: Request) -> Passes:  # type: ignore[no-untyped-def]  # the callable of published_passes
@@ -86,7 +94,29 @@ class _LiftedShare:
         return self._area.total(self.partial) if self.rows.any() else None
 
 
-def _transient(plant: Plant, request: Request, watch: Watch | None) -> Analysis:
+class _Audience:
+    """All who look at the displacements of a march, and what of theirs is kept in its checkpoints."""
+
+    def __init__(self, plant: Plant, share: _LiftedShare, film: Film | None) -> None:
+        self._share, self._film = share, film
+        self._nothing = np.zeros((plant.operators.n_local, 0))
+
+    def watch(self, row: int, values: np.ndarray) -> None:
+        self._share.watch(row, values)
+        if self._film is not None:
+            self._film.watch(row, values)
+
+    def kept(self) -> tuple[np.ndarray, np.ndarray]:
+        lifted, fields = self._film.kept() if self._film is not None else (self._share.partial, self._nothing)
+        return np.stack([self._share.partial, lifted]), fields
+
+    def restore(self, shares: np.ndarray, fields: np.ndarray) -> None:
+        self._share.partial[:] = shares[0]
+        if self._film is not None:
+            self._film.restore(shares[1], fields)
+
+
+def _transient(plant: Plant, request: Request, film: Film | None, watch: Watch | None) -> Analysis:
     settings, exact = _settings(plant), request.passes is None
     with (
         plant.clock.remainder("solution"),
@@ -100,9 +130,12 @@ def _transient(plant: Plant, request: Request, watch: Watch | None) -> Analysis:
             if away > SETTLED:
                 log.warning("the settling steps end %.1e (relative) away from the state of rest: more of them, or start = 'static'", away)
         share = _LiftedShare(plant, settings.archived)
-        ledger, observer = plant.operators.n <= LEDGER_DOFS, share if share.rows.any() else None
+        ledger = plant.operators.n <= LEDGER_DOFS
+        observer = _Audience(plant, share, film) if film is not None or share.rows.any() else None
 
         def solve(release: np.ndarray | None) -> History:
+            if film is not None:
+                film.start(len(settings.archived))
             return transient(
                 method, start, settings.steps, every=settings.every, release=release, energy=ledger, observer=observer, watch=watch
             )
@@ -113,7 +146,19 @@ def _transient(plant: Plant, request: Request, watch: Watch | None) -> Analysis:
         return Analysis("transient", passes, exact, tries=tries, lifted=None if passes.ended == "diverged" else share.result())
 
 
-def _static(plant: Plant) -> Analysis:
+def _film(film: Film | None, instants: int, field: Callable[[int], np.ndarray | None], *, costly: bool = True) -> None:
+    """Film what `field` gives at the film's own instants (collective); nothing where fields were not kept."""
+    if film is None:
+        return
+    film.start(instants, costly=costly)
+    for row in film.rows:
+        values = field(int(row))
+        if values is None:
+            return
+        film.watch(int(row), values)
+
+
+def _static(plant: Plant, request: Request, film: Film | None) -> Analysis:
     operators = plant.operators
     with plant.clock.phase("solution"), static_state(operators, exact_uplift=True) as state:
         here = np.real(state.displacement.array_r).copy()
@@ -123,11 +168,12 @@ def _static(plant: Plant) -> Analysis:
     reactions = operators.reactions.values(resultants[0], release) if operators.reactions else np.zeros((1, 0))
     share = _LiftedShare(plant, np.zeros(1))
     share.watch(0, here)
+    _film(film, 1, lambda _: here, costly=False)
     history = History(np.zeros(1), probes, elongation, release, reactions, 0, here)
     return Analysis("static", Passes([history], number=1), True, lifted=share.result())
 
 
-def _laplace(plant: Plant, request: Request, groups: int | None, watch: Watch | None) -> Analysis:
+def _laplace(plant: Plant, request: Request, film: Film | None, groups: int | None, watch: Watch | None) -> Analysis:
     from solvers.laplace import laplace_run
 
     settings = _settings(plant)
@@ -147,6 +193,7 @@ def _laplace(plant: Plant, request: Request, groups: int | None, watch: Watch | 
             values = run.field(row)
             if values is not None:
                 share.watch(row, values)
+        _film(film, len(settings.archived), run.field)
     notes = {"laplace_points": run.points}
     return Analysis("time-frequency", Passes([run.history], number=1), True, tries=run.tries, lifted=share.result(), notes=notes)
 
@@ -160,7 +207,7 @@ def _unsettled(plant: Plant, static: State) -> float:
     return float(away / size) if size > 0 else float(away > 0)
 
 
-def _fourier(plant: Plant, request: Request, groups: int | None, watch: Watch | None) -> Analysis:
+def _fourier(plant: Plant, request: Request, film: Film | None, groups: int | None, watch: Watch | None) -> Analysis:
     from solvers import fourier
     from solvers.harmonic import FourierResponse, harmonic_sweep
 
@@ -173,10 +220,17 @@ def _fourier(plant: Plant, request: Request, groups: int | None, watch: Watch | 
         passes = _passes(response.history, plant, request)
         again = fourier.inverse_by_sum(response.probe_spectrum(passes.final.release), window.samples)
         check = float(np.max(np.abs(again - passes.final.probes), initial=0.0))
+        acted = passes.final.release
+        _film(film, window.samples, lambda row: response.field(acted, row))
+        if film is not None:
+            strongest = 1 + int(np.argmax(np.max(np.abs(response.probe_spectrum(acted)[1:]), axis=1)))
+            amplitudes = response.amplitudes(acted, strongest)
+            if amplitudes is not None:
+                film.note_amplitude(float(window.frequencies[strongest]), amplitudes)
     return Analysis("time-frequency", passes, False, transform_check=check, notes={"frequencies": len(window.frequencies)})
 
 
-def _modal(plant: Plant, request: Request) -> Analysis:
+def _modal(plant: Plant, request: Request, film: Film | None) -> Analysis:
     from solvers import reduced
     from solvers.modal import modes
 
@@ -214,6 +268,7 @@ def _modal(plant: Plant, request: Request) -> Analysis:
     share = _LiftedShare(plant, settings.archived)
     for row in np.flatnonzero(share.rows):
         share.watch(row, model.field(marched[0].coordinates[row]))
+    _film(film, len(settings.archived), lambda row: model.field(marched[0].coordinates[row]), costly=False)
     notes = {
         "modes": found.number,
         "basis_vectors": basis.size,

@@ -201,7 +201,7 @@ def _write_shapes(path: Path, mesh: WholeMesh, labels: list[str], shapes: np.nda
 def _draw(path: Path, plant: Plant, mesh: WholeMesh, labels: list[str], shapes: np.ndarray) -> None:
     from drivers import plots
 
-    model = plant.scene.model
+    model = plant.assembled.model
     held = {
         "support": np.array([p for support in model.supports for p in support.points]).reshape(-1, 3),
         "plain spring": np.array([p for spring in model.springs for p in spring.points]).reshape(-1, 3),

@@ -73,6 +73,17 @@ def draw_contacts(
     figure.savefig(path, dpi=120)
 
 
+def draw_overlays(path: Path, panels: list[tuple[str, np.ndarray, np.ndarray, np.ndarray]], labels: tuple[str, str], title: str) -> None:
+    """Draw two runs over each other; a panel has a label, times (nt,) s and the values (nt,) of the first and the second run."""
+    figure, axes = _panels(len(panels), title)
+    for axis, (label, times, first, second) in zip(axes, panels, strict=True):
+        axis.plot(times, first, lw=1.8, color="#0072B2", label=labels[0])
+        axis.plot(times, second, lw=1.1, ls="--", color="#D55E00", label=labels[1])
+        axis.set_ylabel(label)
+    axes[0].legend(loc="upper right", fontsize=8)
+    figure.savefig(path, dpi=120)
+
+
 def draw_reactions(path: Path, times: np.ndarray, columns: dict[str, np.ndarray], title: str) -> None:
     """Draw each resultant (nt,) of the ground's forces, and the share of open contacts, in a panel of its own."""
     figure, axes = _panels(len(columns), title)

@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from drivers.analysis import Analysis, Plant
-from drivers.output import all_or_nothing, versions, write_history, write_summary
-from meshes.gather import WholeMesh, gather_mesh, gather_nodal
+from drivers.film import Film
+from drivers.output import all_or_nothing, processor, versions, write_history, write_summary
+from drivers.report_html import NAME as REPORT
+from drivers.report_html import write_report
+from drivers.results import collect
+from drivers.results_file import NAME as RESULTS
+from drivers.results_file import read_results, write_results
+from drivers.runtime import heard_warnings
+from drivers.viewer_files import write_fields, write_film
+from meshes.gather import WholeMesh
 
 OPEN = "open contacts [%]"
 
@@ -17,25 +26,30 @@ FEW_INSTANTS = 5
 """So few values of the lifted share are printed, not drawn."""
 
 
-def write_run(plant: Plant, analysis: Analysis, folder: Path, *, plots: bool) -> None:
-    """Write the files of a run into `folder`, on rank 0 (collective)."""
+def write_run(
+    plant: Plant, analysis: Analysis, folder: Path, *, plots: bool, film: Film | None = None, scene_text: str = ""
+) -> None:
+    """Write the files of a run into `folder`, on rank 0 (collective); `scene_text` is the scene file, for the record."""
     history = analysis.final
-    mesh, displacement = None, None
     with plant.clock.phase("output"):
-        if history.peak_field is not None:
-            mesh = gather_mesh(plant.tagged)
-            nodal = plant.assembled.displacement(history.peak_field)
-            displacement = gather_nodal(plant.tagged, plant.assembled.space, nodal)
+        footage = (film or Film(plant)).develop(history.peak_field)
+    mesh = footage.mesh if footage is not None else None
+    displacement = footage.peak[0] if footage is not None and len(footage.peak) else None
     if plant.operators.comm.rank != 0:
         return
     with all_or_nothing(folder) as staging:
         with plant.clock.phase("output"):
             for name, columns in tables(plant, analysis).items():
                 write_history(staging / f"{name}.csv", history.times, tuple(columns), np.column_stack(list(columns.values())))
-            if mesh is not None and displacement is not None:
-                _write_deformed(staging / "deformed.vtu", mesh, displacement)
             if plots:
                 _draw(plant, analysis, staging, mesh, displacement)
+            results = collect(plant, analysis, footage, _summary(plant, analysis), scene_text)
+            write_results(staging / RESULTS, results)
+            write_report(staging / REPORT, read_results(staging / RESULTS))
+            if results.plate is not None:
+                write_fields(staging, results.plate)
+                if len(results.plate.rows):
+                    write_film(staging / "film.xdmf", results.plate, results.times)
         write_summary(staging / "summary.json", _summary(plant, analysis))
 
 
@@ -125,13 +139,6 @@ def _draw(plant: Plant, analysis: Analysis, folder: Path, mesh: WholeMesh | None
         plots.draw_deformed(folder / "deformed.png", mesh, displacement, contacts.points, lifted, when)
 
 
-def _write_deformed(path: Path, mesh: WholeMesh, displacement: np.ndarray) -> None:
-    """Write the plate with its displacement (n, 3) m as a vector field, which ParaView warps."""
-    import meshio
-
-    meshio.Mesh(mesh.points, [(mesh.cell_type, mesh.cells)], point_data={"displacement [m]": displacement}).write(path)
-
-
 def _summary(plant: Plant, analysis: Analysis) -> dict[str, Any]:
     scene, history, passes = plant.scene, analysis.final, analysis.passes
     extremes = {
@@ -153,10 +160,13 @@ def _summary(plant: Plant, analysis: Analysis) -> dict[str, Any]:
         "contacts": len(plant.operators.contacts.names),
         "ranks": plant.operators.comm.size,
         **analysis.notes,
+        "warnings": heard_warnings(),
         "extremes": extremes,
         "peak_time_s": _instant(history.times[history.peak]),
         "seconds": plant.clock.seconds,
         "versions": versions(),
+        "processor": processor(),
+        "written": datetime.now(UTC).isoformat(timespec="seconds"),
     }
 
 

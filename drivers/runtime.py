@@ -72,13 +72,34 @@ def _rank_of_launcher() -> int | None:
     return None
 
 
+class _Warnings(logging.Handler):
+    """Keeps the warnings of a process, each once."""
+
+    def __init__(self) -> None:
+        super().__init__(logging.WARNING)
+        self.heard: list[str] = []
+
+    def emit(self, record: logging.LogRecord) -> None:
+        if record.getMessage() not in self.heard:
+            self.heard.append(record.getMessage())
+
+
+_WARNINGS = _Warnings()
+
+
+def heard_warnings() -> list[str]:
+    """Return what the four packages have warned of since `configure_log`, each warning once."""
+    return list(_WARNINGS.heard)
+
+
 def configure_log(*, quiet: bool) -> None:
-    """Send the log of the four packages to standard error, on rank 0 only."""
+    """Send the log of the four packages to standard error, on rank 0 only, and begin to keep its warnings."""
+    _WARNINGS.heard.clear()
     handler: logging.Handler = logging.StreamHandler(sys.stderr) if launch_rank() == 0 else logging.NullHandler()
     handler.setFormatter(logging.Formatter("%(message)s"))
     for package in ("meshes", "forms", "solvers", "drivers"):
         logger = logging.getLogger(package)
-        logger.handlers = [handler]
+        logger.handlers = [handler, _WARNINGS]
         logger.propagate = False
         logger.setLevel(logging.WARNING if quiet else logging.INFO)
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from drivers.analysis import prepare
+from drivers.film import Film
 from drivers.methods import analyse
 from drivers.report import write_run
 from drivers.request import Request
@@ -69,7 +70,8 @@ def verify(comm: Any, out: Path, *, plots: bool) -> bool:
         say(f"{'method':<16}{'pass':>4}{'t [s]':>8}  {'value':<7}{'published [m]':>15}{'here [m]':>24}{'rel. diff.':>12}")
         check = 0.0
         for method in ("transient", "time-frequency"):
-            analysis = analyse(plant, Request(method, 2))
+            film = Film(plant)
+            analysis = analyse(plant, Request(method, 2), film)
             for item in (p for p in published_values() if p.method == method):
                 here = value_at(analysis.passes.histories[item.pass_number - 1], names, item.component, item.time)
                 difference = abs(here - item.value) / abs(item.value)
@@ -80,7 +82,7 @@ def verify(comm: Any, out: Path, *, plots: bool) -> bool:
                 )
             if analysis.transform_check is not None:
                 check = analysis.transform_check
-            write_run(plant, analysis, out / method, plots=plots)
+            write_run(plant, analysis, out / method, plots=plots, film=film, scene_text=SCENE.read_text(encoding="utf-8"))
         good &= check <= TRANSFORM_TOLERANCE
         say(f"\ninverse transform by FFT and by its sum differ by {check:.1e} m (limit {TRANSFORM_TOLERANCE:g})")
         say(f"seconds: {plant.clock.line()}")

@@ -76,6 +76,8 @@ class AssembledPlate:
     """kg, of the point masses of joints alone."""
     loose: tuple[str, ...]
     """Rigid motions, in words, that nothing resists with all contacts closed."""
+    model: PlateModel
+    """The model with the points of whatever stands on a group of the mesh."""
     labels: np.ndarray
     """(n_local, 5) names of the rows that do not depend on the number of ranks (see `forms.labels`)."""
 
@@ -279,7 +281,7 @@ def assemble_plate(forms: CompiledForms, model: PlateModel) -> AssembledPlate:
     loose = free_motions(forms, model, held)
     labels = row_labels(forms.space, numbering, joints.extra_nodes)
     return AssembledPlate(
-        operators, forms.space, numbering, forms.kind, forms.components, total_mass, translations, area, joint_mass, loose, labels
+        operators, forms.space, numbering, forms.kind, forms.components, total_mass, translations, area, joint_mass, loose, model, labels
     )
 
 

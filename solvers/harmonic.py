@@ -53,7 +53,23 @@ class FourierResponse:
         reactions = self.operators.reactions
         forces = reactions.values(resultants, acted) if reactions is not None else resultants
         peak = int(np.argmax(np.max(np.abs(probes), axis=1))) if probes.size else 0
-        return History(self.window.times, probes, elongation, acted, forces, peak, self._field(drive, peak))
+        omega = 2 * np.pi * self.window.frequencies
+        felt = fourier.inverse(-(omega[:, None] ** 2) * np.einsum("fpj,fj->fp", transfer.probes, drive), self.window.samples)
+        return History(self.window.times, probes, elongation, acted, forces, peak, self._field(drive, peak), accelerations=felt)
+
+    def field(self, release: np.ndarray | None, sample: int) -> np.ndarray | None:
+        """Return this rank's part (n_local,) m of the displacements at a sample, None where fields were not kept."""
+        return self._field(self.spectrum(release), sample)
+
+    def amplitudes(self, release: np.ndarray | None, frequency: int) -> np.ndarray | None:
+        """Return this rank's part (n_local,) m of the one-sided complex amplitudes at a frequency's index, None where fields were not kept.
+
+        The response holds Re(amplitude exp(i omega t)).
+        """
+        if self.transfer.fields is None:
+            return None
+        n, drive = self.window.samples, self.spectrum(release)[frequency]
+        return (1.0 if frequency == 0 or 2 * frequency == n else 2.0) / n * (drive @ self.transfer.fields[frequency])
 
     def _field(self, drive: np.ndarray, sample: int) -> np.ndarray | None:
         if self.transfer.fields is None:

@@ -48,3 +48,6 @@ class History:
     """(n_local,) m: this rank's part of the solution at `peak`, where it was kept."""
     ledger: Ledger | None = None
     """Energies, where they were kept."""
+    accelerations: np.ndarray | None = None
+    """(nt, n_probes) m/s2 of the probes, relative to the base: those of the time scheme, of the spectrum, or (from the Laplace points)
+    second differences of the displacements at every step."""

@@ -35,6 +35,7 @@ from solvers.convolution import OnlineConvolution
 from solvers.history import History
 from solvers.newmark import State, balance_acceleration, load_scale, load_values, tensions
 from solvers.parameters import Scheme
+from solvers.spectra import second_differences
 from solvers.sweep import Transfer, sweep
 from solvers.watch import Watch
 
@@ -223,16 +224,18 @@ def _history(
     if operators.reactions is not None:
         observed.append(operators.reactions.functionals)
         parts.append(transfer.resultants)
-    values = [
-        (functionals.total(functionals.partial(here)) + circle.inverse(np.einsum("foj,fj->fo", part, drive)))[::every]
+    whole = [
+        functionals.total(functionals.partial(here)) + circle.inverse(np.einsum("foj,fj->fo", part, drive))
         for functionals, part in zip(observed, parts, strict=True)
     ]
+    felt = second_differences(whole[0], circle.step)[::every]
+    values = [part[::every] for part in whole]
     archived = release[::every]
     probes, elongation = values[:2]
     reactions = operators.reactions.values(values[2], archived) if operators.reactions is not None else np.zeros((len(archived), 0))
     peak = int(np.argmax(np.max(np.abs(probes), axis=1))) if probes.size else 0
     times = circle.step * np.arange(0, circle.steps + 1, every)
-    return History(times, probes, elongation, archived, reactions, peak)
+    return History(times, probes, elongation, archived, reactions, peak, accelerations=felt)
 
 
 def _field(circle: Circle, transfer: Transfer, drive: np.ndarray, rest: np.ndarray, n: int) -> np.ndarray | None:

@@ -20,11 +20,14 @@ if TYPE_CHECKING:
 class Observer(Protocol):
     """Looks at the displacements at the archived instants."""
 
-    partial: np.ndarray
-    """(n_archived,): what it has noted; the result is the sum over ranks."""
-
     def watch(self, row: int, values: np.ndarray) -> None:
         """Take this rank's part (n_local,) of the displacements at the archived instant `row`."""
+
+    def kept(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return what a checkpoint has to keep: this rank's shares of sums, and fields (n_local, k), k the same on all ranks."""
+
+    def restore(self, shares: np.ndarray, fields: np.ndarray) -> None:
+        """Take in again what `kept` gave."""
 
 
 class Record:
@@ -42,6 +45,8 @@ class Record:
         self._n_probes = len(operators.probes.names)
         self.seen = np.zeros((n_archived, self._looks.shape[0]))
         """This rank's shares of all functionals."""
+        self.felt = np.zeros((n_archived, self._n_probes))
+        """This rank's shares of the probes' accelerations."""
         self.acted = np.zeros((n_archived, operators.contacts.law.n_channels))
         self.farthest, self.peak = -1.0, 0
         self.peak_field = np.zeros(operators.n_local)
@@ -54,6 +59,7 @@ class Record:
             return
         here = np.real(state.displacement.array_r)
         self.seen[row] = self._looks @ here
+        self.felt[row] = self._operators.probes.partial(np.real(state.acceleration.array_r))
         self.acted[row] = state.release
         if self.observer is not None:
             self.observer.watch(row, here)
@@ -69,7 +75,8 @@ class Record:
         probes, elongation, *resultants = np.split(self._operators.probes.total(self.seen), ends[:-1], axis=1)
         forces = reactions.values(resultants[0], self.acted) if reactions is not None else np.zeros((len(archived), 0))
         ledger = self.meter.ledger() if self.meter is not None else None
-        return History(archived, probes, elongation, self.acted, forces, self.peak, self.peak_field, ledger)
+        felt = self._operators.probes.total(self.felt)
+        return History(archived, probes, elongation, self.acted, forces, self.peak, self.peak_field, ledger, felt)
 
 
 class KeptMarch:
@@ -95,9 +102,11 @@ class KeptMarch:
             "peak": np.array([record.farthest, record.peak]),
             "problems": np.array([problem.tries, problem.solved] if problem is not None else [0, 0]),
         }
-        shares = {"seen": record.seen}
+        shares = {"seen": record.seen, "felt": record.felt}
         if record.observer is not None:
-            shares["observed"] = record.observer.partial
+            shares["observed"], fields = record.observer.kept()
+            whole = checkpoint.rows.gather(fields)
+            arrays["filmed"] = whole if whole is not None else np.zeros((0, 0))
         for name, share in shares.items():
             # Rank by rank, not summed: sums are taken at the end, in the same order as without a break.
             parts = self._comm.gather(share)
@@ -116,7 +125,7 @@ class KeptMarch:
         found = checkpoint.load(self._name) if checkpoint is not None else None
         if checkpoint is None or found is None:
             return -1
-        large = {"seen", "observed", "displacement", "velocity", "acceleration", "peak field"}
+        large = {"seen", "felt", "observed", "filmed", "displacement", "velocity", "acceleration", "peak field"}
         small = self._comm.bcast({k: v for k, v in found.items() if k not in large})
         state.release = small["release"]
         record.acted[:] = small["acted"]
@@ -126,8 +135,11 @@ class KeptMarch:
         if record.meter is not None:
             record.meter.restore(small["energy"], small["work"])
         record.seen[:] = self._shares(found.get("seen"))
+        record.felt[:] = self._shares(found.get("felt"))
         if record.observer is not None:
-            record.observer.partial[:] = self._shares(found.get("observed"))
+            filmed = found.get("filmed")
+            width = self._comm.bcast(filmed.shape[1] if filmed is not None else 0)
+            record.observer.restore(self._shares(found.get("observed")), checkpoint.rows.scatter(filmed, (width,), float))
         for name, vector in (
             ("displacement", state.displacement), ("velocity", state.velocity), ("acceleration", state.acceleration),
         ):

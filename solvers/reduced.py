@@ -245,6 +245,8 @@ class ReducedMarch:
     """(n_archived, m) 1/s."""
     release: np.ndarray
     """(n_archived, n_channels) N, the release forces that acted."""
+    accelerations: np.ndarray
+    """(n_archived, m) 1/s2."""
 
     def history(self, model: ReducedModel) -> History:
         """Return the displacements of the probes and contacts, and this rank's part of the field where a probe is farthest."""
@@ -254,7 +256,9 @@ class ReducedMarch:
         if model.reactions is not None:
             reactions = model.reactions.values(reactions, self.release)
         elongation = self.coordinates @ model.elongation.T
-        return History(self.times, probes, elongation, self.release, reactions, peak, model.field(self.coordinates[peak]))
+        felt = self.accelerations @ model.probes.T
+        field = model.field(self.coordinates[peak])
+        return History(self.times, probes, elongation, self.release, reactions, peak, field, accelerations=felt)
 
 
 def march(
@@ -280,7 +284,7 @@ def march(
     if release is not None:
         given = np.stack([np.interp(times, times[::every], column) for column in release.T], axis=1)
     motion, acted = stepper.march(start, model.load_values(times), every, given)
-    return ReducedMarch(times[::every], motion[:, 0], motion[:, 1] / step, acted)
+    return ReducedMarch(times[::every], motion[:, 0], motion[:, 1] / step, acted, motion[:, 2] / step**2)
 
 
 class _Stepper:
@@ -315,7 +319,7 @@ class _Stepper:
     def march(
         self, start: ReducedState, values: np.ndarray, every: int, given: np.ndarray | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return (q, dt q') (n_archived, 2, m) and the release forces (n_archived, n_channels) N from `start`.
+        """Return (q, dt q', dt^2 q'') (n_archived, 3, m) and the release forces (n_archived, n_channels) N from `start`.
 
         `values` (steps + 1, n_loads) are the load histories, `given` (steps + 1, n_channels) N release forces that are known.
         """
@@ -327,8 +331,8 @@ class _Stepper:
         new = np.array([[scheme.beta], [scheme.gamma]])
         old = np.array([[0.5], [1.0]]) - new
         archived = (len(values) - 1) // every + 1
-        archive, acted = np.empty((archived, 2, m)), np.empty((archived, len(release)))
-        archive[0], acted[0] = motion, release
+        archive, acted = np.empty((archived, 3, m)), np.empty((archived, len(release)))
+        archive[0, :2], archive[0, 2], acted[0] = motion, acceleration, release
         scale = model.load_scale(values)
         for n in range(1, len(values)):
             before = whole.copy() if scheme.alpha_f else whole
@@ -346,7 +350,7 @@ class _Stepper:
                 acceleration += self.per_release @ release
             motion += new * acceleration
             if n % every == 0:
-                archive[n // every], acted[n // every] = motion, release
+                archive[n // every, :2], archive[n // every, 2], acted[n // every] = motion, acceleration, release
         return archive, acted
 
 

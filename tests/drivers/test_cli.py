@@ -19,7 +19,9 @@ WARNINGS_ARE_ERRORS = ["-W", "error", "-W", "ignore:Could not import numba:Impor
 """dolfinx 0.9 says on import that it could use numba."""
 
 TABLES = ["contacts", "history", "reactions"]
-FILES = sorted(["deformed.png", "deformed.vtu", "summary.json", *(f"{t}.{end}" for t in TABLES for end in ("csv", "png"))])
+FIELDS = ["deformed.med", "deformed.vtu", "film.xdmf"]
+KEPT = ["report.html", "results.h5", "summary.json"]
+FILES = sorted(["deformed.png", *FIELDS, *KEPT, *(f"{t}.{end}" for t in TABLES for end in ("csv", "png"))])
 
 
 def drivers(*arguments, cwd=None, python=(), **environment):
@@ -44,9 +46,9 @@ def test_run_writes_its_files(tmp_path, method, passes):
     out = tmp_path / "résultats d'essai"
     done = drivers("run", SCENE, "--method", method, *passes, "--out", out, "--quiet", python=WARNINGS_ARE_ERRORS)
     assert (done.returncode, done.stderr, done.stdout) == (0, "", "")
-    expected = sorted([*FILES, "energy.csv", "energy.png"]) if method == "transient" else FILES
-    assert sorted(p.name for p in out.iterdir()) == expected
     window = method == "time-frequency" and bool(passes)
+    more = ["energy.csv", "energy.png"] if method == "transient" else ["amplitude.vtu"] if window else []
+    assert sorted(p.name for p in out.iterdir()) == sorted([*FILES, *more])
     header, values = read_history(out / "history.csv")
     assert header == ["t", "P3.DX", "P3.DY", *([] if window else ["uplift [%]"])]
     assert values.shape == ((2048, 3) if window else (501, 4))
@@ -177,7 +179,7 @@ def test_a_transient_run_loads_only_what_it_needs(tmp_path):
     )
     done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, timeout=120)
     assert done.stdout == "0 float64 []\n", done.stderr
-    assert {p.suffix for p in tmp_path.iterdir()} == {".vtu", ".csv", ".json"}
+    assert {p.suffix for p in tmp_path.iterdir()} == {".vtu", ".med", ".xdmf", ".h5", ".html", ".csv", ".json"}
 
 
 def test_failed_run_leaves_the_older_results_alone(tmp_path):

@@ -38,7 +38,7 @@ def test_band_limited_response_equals_small_time_steps():
     """A pulse that dies out within the window, in a band that holds it: time stepping converges to it."""
     pulse = Ricker(1.0, 0.7, 3.0)
     window = Window(160.0, 8192, 8.0)
-    errors = []
+    errors, felt = [], []
     with operators_with(pulse) as operators:
         history = FourierResponse(operators, window, harmonic_sweep(operators, 2 * np.pi * window.frequencies)).history(None)
         for per_sample in (8, 16):
@@ -46,9 +46,11 @@ def test_band_limited_response_equals_small_time_steps():
             with Newmark(operators, Scheme(), step) as method, at_rest(operators) as start:
                 stepped = transient(method, start, per_sample * 1024, every=per_sample)
             errors.append(np.max(np.abs(history.probes[:1025] - stepped.probes)) / np.max(np.abs(stepped.probes)))
+            felt.append(np.max(np.abs(history.accelerations[:1025] - stepped.accelerations)) / np.max(np.abs(stepped.accelerations)))
     # What separates them is the second-order error of time stepping alone.
     assert errors[1] < 1e-4
     assert 3.9 < errors[0] / errors[1] < 4.1
+    assert felt[1] < 1e-3 and 3.9 < felt[0] / felt[1] < 4.1
     assert history.peak_field == pytest.approx(history.probes[history.peak], abs=1e-12)
 
 

@@ -221,6 +221,7 @@ def test_all_modes_give_the_physical_run(reference, every_one, physical):
     assert max(difference(run(reference.operators, every_one.basis, release), second)) < 1e-9
     np.testing.assert_array_equal(one.times, first.times)
     np.testing.assert_allclose(one.reactions, first.reactions, atol=1e-9 * np.abs(first.reactions).max())
+    np.testing.assert_allclose(one.accelerations, first.accelerations, atol=1e-8 * np.abs(first.accelerations).max())
     assert one.peak == first.peak
     np.testing.assert_allclose(one.peak_field, first.peak_field, atol=1e-9 * np.abs(first.probes).max())
 

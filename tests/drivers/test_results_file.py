@@ -1,0 +1,236 @@
+"""What a run leaves for other programs, read back with meshio and h5py, and what the results file says read back by the project."""
+
+import csv
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import h5py
+import meshio
+import numpy as np
+import pytest
+
+from drivers.contact_lines import contact_lines
+from drivers.film import Film
+from drivers.methods import analyse
+from drivers.request import Request
+from drivers.results import floor_acceleration
+from drivers.results_file import read_results
+from drivers.viewer_files import real_fields
+from meshes.checked import ModelError
+from solvers.spectra import second_differences
+
+ROOT = Path(__file__).parents[2]
+SCENE = ROOT / "drivers" / "scenes" / "sdls119a.toml"
+
+
+def run(*arguments):
+    done = subprocess.run([sys.executable, "-m", "drivers", "run", *map(str, arguments), "--no-plots"], cwd=ROOT, capture_output=True,
+                          text=True, timeout=240)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    out = tmp_path_factory.mktemp("transient")
+    run(SCENE, "--out", out)
+    return out
+
+
+def columns(path):
+    with path.open(newline="", encoding="utf-8") as file:
+        rows = list(csv.reader(file))
+    return rows[0], np.array(rows[1:], dtype=float)
+
+
+@pytest.mark.serial
+def test_histories_are_those_of_the_tables_with_units(folder):
+    _, history = columns(folder / "history.csv")
+    _, contacts = columns(folder / "contacts.csv")
+    _, energy = columns(folder / "energy.csv")
+    with h5py.File(folder / "results.h5") as file:
+        assert file.attrs["format"] == "uplift results" and file.attrs["units"] == "SI"
+        assert file["scene"].asstr()[()] == SCENE.read_text(encoding="utf-8")
+        assert json.loads(file["facts"].asstr()[()])["dofs"] == 100
+        assert file["times"].attrs["unit"] == "s"
+        assert np.max(np.abs(file["times"][()] - history[:, 0])) < 1e-12
+        displacement = file["probes/displacement"]
+        assert list(displacement.attrs["names"]) == ["P3.DX", "P3.DY"] and displacement.attrs["unit"] == "m"
+        assert np.array_equal(displacement[()], history[:, 1:3])
+        assert np.array_equal(file["contacts/force"][()], contacts[:, 1:6]) and file["contacts/force"].attrs["unit"] == "N"
+        assert np.array_equal(file["contacts/gap"][()], contacts[:, 6:]) and file["contacts/gap"].attrs["unit"] == "m"
+        assert np.array_equal(file["energy/ledger"][()], energy[:, 1:]) and file["energy/ledger"].attrs["unit"] == "J"
+        assert np.array_equal(file["points/directions"][()], np.tile([0.0, 1.0, 0.0], (5, 1)))
+        everything = []
+        file.visititems(lambda key, item: everything.append((key, item)))
+        for key, item in everything:
+            if isinstance(item, h5py.Dataset) and key not in ("scene", "facts", "mesh/cells"):
+                assert "unit" in item.attrs, key
+
+
+@pytest.mark.serial
+def test_the_file_is_read_as_it_was_written(folder):
+    results = read_results(folder)
+    assert results.name.endswith("(transient, uplift exact)")
+    assert results.step == pytest.approx(0.01, rel=1e-12)
+    names, absolute = floor_acceleration(results.series)
+    ground = results.series["ground/acceleration"].values
+    assert names == ("P3.DX", "P3.DY")
+    assert np.array_equal(absolute[:, 0] - ground[:, 0], results.series["probes/acceleration"].values[:, 0] + ground[:, 0] - ground[:, 0])
+    assert np.min(ground[:, 0]) == pytest.approx(-2.2408445, rel=1e-6) and not ground[:, 1:].any()
+    # Over the archived 0.01 s the differences of displacements are coarse, but until a contact opens they are those of the same motion:
+    # of a component at 3 Hz, the third mode, they miss (2 pi 3 0.01)^2 / 12 = 0.3 %.
+    smooth = slice(1, int(np.argmax(np.any(results.series["contacts/gap"].values > 0, axis=1))) - 1)
+    again = second_differences(results.series["probes/displacement"].values, results.step)[smooth]
+    assert smooth.stop > 150
+    assert np.max(np.abs(again - results.series["probes/acceleration"].values[smooth])) < 5e-3 * np.max(np.abs(again))
+    assert np.array_equal(results.spectra.floor, np.max(np.abs(absolute), axis=0))
+    other = results.with_spectra((0.05,))
+    assert results.spectra.damping.tolist() == [0.02, 0.05, 0.10]
+    assert np.array_equal(other.spectra.acceleration, results.spectra.acceleration[1:2])
+
+
+@pytest.mark.serial
+def test_line_forces_add_up_to_the_contact_forces(folder):
+    series = read_results(folder).series
+    line = series["contacts/line force/RESS"]
+    assert line.unit == "N/m"
+    total = line.values @ np.array([0.5, 1.0, 1.0, 1.0, 0.5])
+    assert total == pytest.approx(series["contacts/force"].values.sum(axis=1), rel=1e-12)
+
+
+@pytest.mark.serial
+def test_lines_of_contacts():
+    points = np.array([[3.0, 1.0], [0.0, 1.0], [1.0, 1.0], [0.0, 0.0], [1.0, 0.5], [5.0, 5.0], [0.0, 0.0], [0.0, 0.0]])
+    groups = {"row": np.array([0, 1, 2]), "bent": np.array([3, 4, 5]), "one": np.array([3]), "twice": np.array([6, 7])}
+    (line,) = contact_lines(groups, points)
+    assert line.name == "row" and line.contacts.tolist() == [1, 2, 0]
+    assert line.position == pytest.approx([0, 1, 3]) and line.share == pytest.approx([0.5, 1.5, 1.0])
+
+
+@pytest.mark.serial
+def test_film_opens_with_meshio(folder):
+    results = read_results(folder)
+    with meshio.xdmf.TimeSeriesReader(folder / "film.xdmf") as reader:
+        points, cells = reader.read_points_cells()
+        assert len(points) == 45 and cells[0].type == "quad" and len(cells[0].data) == 32
+        corner = int(np.argmin(np.linalg.norm(points - [4, 8, 0], axis=1)))
+        assert reader.num_steps == 200
+        for k in (0, 77, 199):
+            time, data, _ = reader.read_data(k)
+            row = results.plate.rows[k]
+            assert time == pytest.approx(results.times[row], abs=1e-12)
+            here = data["displacement [m]"][corner]
+            assert np.isrealobj(here)
+            # Frames are in single precision.
+            assert here[:2] == pytest.approx(results.series["probes/displacement"].values[row], rel=1e-7)
+
+
+@pytest.mark.serial
+def test_fields_open_with_meshio(folder):
+    results = read_results(folder)
+    probes = results.series["probes/displacement"].values
+    for name, suffix in (("deformed.vtu", " [m]"), ("deformed.med", "")):
+        mesh = meshio.read(folder / name)
+        corner = int(np.argmin(np.linalg.norm(mesh.points - [4, 8, 0], axis=1)))
+        assert mesh.point_data[f"displacement{suffix}"][corner, :2] == pytest.approx(probes[np.argmax(np.max(np.abs(probes), axis=1))])
+        # Every archived instant counts in the envelope, not only the frames.
+        assert mesh.point_data[f"least displacement{suffix}"][corner, :2] == pytest.approx(probes.min(axis=0))
+        assert mesh.point_data[f"largest displacement{suffix}"][corner, :2] == pytest.approx(probes.max(axis=0))
+    assert results.plate.watched == 501
+
+
+@pytest.mark.serial
+def test_the_tour_of_a_results_file_runs(folder):
+    command = [sys.executable, "-W", "error", str(ROOT / "docs" / "read_results.py"), str(folder)]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    assert "P3.DX: -6.404" in done.stdout and "first opening at t =" in done.stdout and "45 nodes, 200 frames" in done.stdout
+
+
+@pytest.mark.serial
+def test_nine_node_cells_open_too(tmp_path):
+    text = SCENE.read_text(encoding="utf-8").replace("degree = 1", "degree = 2").replace("duration = 5.0", "duration = 0.1")
+    scene = tmp_path / "nine.toml"
+    scene.write_text(text.replace("instants = [2.33, 2.34]", ""), encoding="utf-8")
+    run(scene, "--out", tmp_path / "out")
+    with meshio.xdmf.TimeSeriesReader(tmp_path / "out" / "film.xdmf") as reader:
+        points, cells = reader.read_points_cells()
+        assert cells[0].type == "quad9" and len(points) == 153 and reader.num_steps == 11
+    med = meshio.read(tmp_path / "out" / "deformed.med")
+    assert med.cells[0].type == "quad" and len(med.points) == 45
+
+
+@pytest.mark.serial
+def test_a_sweep_leaves_its_complex_field_as_modulus_and_phase(tmp_path):
+    run(SCENE, "--out", tmp_path, "--method", "time-frequency", "--iterations", "1")
+    mesh = meshio.read(tmp_path / "amplitude.vtu")
+    (modulus, size), (phase, angle) = sorted(mesh.point_data.items())
+    assert modulus.endswith(", modulus") and phase.endswith(", phase [rad]")
+    corner = int(np.argmin(np.linalg.norm(mesh.points - [4, 8, 0], axis=1)))
+    history = read_results(tmp_path).series["probes/displacement"].values
+    spectrum = np.fft.rfft(history, axis=0)[1:] * 2 / len(history)
+    strongest = int(np.argmax(np.max(np.abs(spectrum), axis=1)))
+    assert f"{(strongest + 1) / 20.48:.6g} Hz" in modulus
+    here = (size * np.exp(1j * angle))[corner, :2]
+    assert np.abs(here - spectrum[strongest]) == pytest.approx(0.0, abs=1e-12 * np.abs(spectrum).max())
+
+
+@pytest.mark.serial
+def test_real_fields_stay_as_they_are():
+    values = np.array([[1.0, -2.0, 0.0]])
+    assert real_fields("u", values)["u"] is values
+
+
+@pytest.mark.serial
+def test_other_files_are_refused_in_one_line(tmp_path, folder):
+    text = tmp_path / "text.h5"
+    text.write_text("no", encoding="utf-8")
+    other, newer, damaged = (tmp_path / f"{name}.h5" for name in ("other", "newer", "damaged"))
+    with h5py.File(other, "w"):
+        pass
+    for path, damage in ((newer, lambda file: file.attrs.__setitem__("version", 99)), (damaged, lambda file: file.pop("times"))):
+        path.write_bytes((folder / "results.h5").read_bytes())
+        with h5py.File(path, "r+") as file:
+            damage(file)
+    for path, words in (
+        (text, "not a results file"), (other, "not a results file of this program"), (newer, "version 99"), (damaged, "damaged"),
+        (tmp_path / "none", "expected a results file or a folder"),
+    ):
+        with pytest.raises(ModelError, match=words) as caught:
+            read_results(path)
+        assert len(str(caught.value).splitlines()) == 1
+
+
+@pytest.mark.both
+@pytest.mark.parametrize("passes", [None, 2])
+def test_film_shows_what_the_probes_record(plant, passes):
+    film = Film(plant)
+    analysis = analyse(plant, Request("transient", passes), film)
+    footage = film.develop(analysis.final.peak_field)
+    if plant.operators.comm.rank != 0:
+        assert footage is None
+        return
+    corner = int(np.argmin(np.linalg.norm(footage.mesh.points - [4, 8, 0], axis=1)))
+    probes = analysis.final.probes
+    assert len(footage.rows) == 200 and footage.watched == len(probes)
+    assert np.max(np.abs(footage.displacement[:, corner, :2] - probes[footage.rows])) < 1e-7 * np.max(np.abs(probes))
+    assert footage.envelope[0, corner, :2] == pytest.approx(probes.min(axis=0), rel=1e-12)
+    assert footage.peak[0, corner, :2] == pytest.approx(probes[analysis.final.peak], rel=1e-12)
+
+
+@pytest.mark.serial
+def test_a_large_model_has_fewer_frames_or_none(plant, monkeypatch):
+    film = Film(plant)
+    film.start(501)
+    assert len(film.rows) == 200 and film.rows[0] == 0 and film.rows[-1] == 500
+    monkeypatch.setattr("drivers.film.FILM_BYTES", 8 * 100 * 20)
+    film.start(501)
+    assert len(film.rows) == 20 and film.rows[-1] == 500
+    monkeypatch.setattr("drivers.film.FILM_BYTES", 8 * 100 * 3)
+    film.start(501)
+    assert len(film.rows) == 0
+    film.watch(0, np.ones(plant.operators.n_local))
+    footage = film.develop(None)
+    assert footage.displacement.shape == (0, 45, 3) and len(footage.envelope) == 2
