@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from forms.operators import Operators
@@ -12,9 +14,12 @@ from solvers.parameters import Window
 from solvers.sweep import Transfer, sweep
 
 
-def harmonic_sweep(operators: Operators, omega: np.ndarray) -> Transfer:
-    """Solve (K + i omega C - omega^2 M) X = [loads, unit release forces] at each omega (n_f,) in rad/s (collective)."""
-    return sweep(operators, 1j * omega, -(omega**2) + 0j, prefix="harmonic_", what="frequency sweep")
+def harmonic_sweep(operators: Operators, omega: np.ndarray, solve: Callable[..., Transfer] = sweep) -> Transfer:
+    """Solve (K + i omega C - omega^2 M) X = [loads, unit release forces] at each omega (n_f,) in rad/s (collective).
+
+    `solve` makes the sweep, called as `solvers.sweep.sweep` is: the direct one, or one in a basis.
+    """
+    return solve(operators, 1j * omega, -(omega**2) + 0j, prefix="harmonic_", what="frequency sweep")
 
 
 class FourierResponse:
@@ -51,8 +56,6 @@ class FourierResponse:
         return History(self.window.times, probes, elongation, acted, forces, peak, self._field(drive, peak))
 
     def _field(self, drive: np.ndarray, sample: int) -> np.ndarray | None:
-        if self.transfer.fields is None:
-            return None
         n, k = self.window.samples, np.arange(len(drive))
         weight = np.where((k == 0) | (2 * k == n), 1.0, 2.0) / n * np.exp(2j * np.pi * (k * sample % n) / n)
-        return np.real(np.einsum("fj,fjn->n", weight[:, None] * drive, self.transfer.fields))
+        return self.transfer.field(weight[:, None] * drive)

@@ -120,12 +120,21 @@ class LaplaceRun:
 
 
 def laplace_run(
-    operators: Operators, scheme: Scheme, step: float, steps: int, start: State, *, every: int = 1, exact_uplift: bool = True
+    operators: Operators,
+    scheme: Scheme,
+    step: float,
+    steps: int,
+    start: State,
+    *,
+    every: int = 1,
+    exact_uplift: bool = True,
+    solve: Callable[..., Transfer] = sweep,
 ) -> LaplaceRun:
     """Sweep and march `steps` steps of `step` s from the state of rest `start` (collective).
 
     Every `every`-th step is archived. Without `exact_uplift` every contact stays bonded. `start` must be the static answer
-    to the static loads, or zero with all of them set upon it at time 0; its velocity is taken as zero.
+    to the static loads, or zero with all of them set upon it at time 0; its velocity is taken as zero. `solve` makes the sweep, called
+    as `solvers.sweep.sweep` is: the direct one, or one in a basis.
     """
     circle = Circle(scheme, step, steps)
     times = step * np.arange(steps + 1)
@@ -139,7 +148,7 @@ def laplace_run(
     if sudden:
         more.append(_initial_damping(operators, start, values[0], step))
     begin = time.perf_counter()
-    transfer = sweep(operators, circle.first, circle.second, more=tuple(more), prefix="laplace_", what="Laplace sweep")
+    transfer = solve(operators, circle.first, circle.second, more=tuple(more), prefix="laplace_", what="Laplace sweep")
     for vector in more:
         vector.destroy()
 
@@ -224,10 +233,8 @@ def _history(
 
 def _field(circle: Circle, transfer: Transfer, drive: np.ndarray, rest: np.ndarray, n: int) -> np.ndarray | None:
     """Return this rank's part of the solution at step `n`, by the sum over the points."""
-    if transfer.fields is None:
-        return None
     k = np.arange(len(circle.points))
     weight = np.where((k == 0) | (2 * k == circle.length), 1.0, 2.0) / circle.length / circle.radius**n
     weight = weight * np.exp(2j * np.pi * (k * n % circle.length) / circle.length)
-    columns = (weight[:, None] * drive).reshape(-1)
-    return rest + np.real(columns @ transfer.fields.reshape(len(columns), -1))
+    moved = transfer.field(weight[:, None] * drive)
+    return None if moved is None else rest + moved

@@ -78,13 +78,12 @@ class Window(Checked):
 class KrylovSettings(Checked):
     """The Krylov basis in which reduced runs live."""
 
-    tolerance: float = quantity("relative residual that the basis is grown to", default=1e-7, above=0.0, below=1.0)
+    tolerance: float = quantity("relative residual that the basis is grown to", default=1e-6, above=0.0, below=1.0)
     band: float = quantity("highest frequency that it is tested at", "Hz", default=25.0, above=0.0)
     shift: float = quantity("sigma in K + sigma M; above zero for a structure that can move without strain", "rad2/s2",
                             default=0.0, at_least=0.0)
     blocks: int = quantity("blocks at most", default=40, at_least=2)
     tests: int = quantity("frequencies that it is tested at", default=12, at_least=1)
-    checks: int = quantity("test frequencies at which the true residual of the whole model is measured", default=3, at_least=1)
 
     @property
     def test_frequencies(self) -> np.ndarray:
