@@ -45,6 +45,9 @@ DEPENDENT = 1e-10
 DEPENDENT_GRAM = 1e-14
 """Directions of a block below this eigenvalue of its scaled Gram matrix are round-off."""
 
+NEARLY = 1e-3
+"""A block this close to orthonormal is so to round-off after one more turn."""
+
 COMBINATIONS = 4
 """Random combinations of all columns whose true residual is measured at a frequency; the mean of their squares is short by a factor of 25
 once in 100,000 times."""
@@ -104,14 +107,13 @@ def krylov_basis(
 
 
 class _Builder:
-    """The vectors so far, their products with the mass, and the model between them."""
+    """The vectors so far and the model between them."""
 
     def __init__(self, operators: Operators, settings: KrylovSettings, solver: DirectSolver, growth: Growth) -> None:
         self.operators, self.settings, self.solver, self.growth = operators, settings, solver, growth
         self.comm = operators.comm
         self.size = 0
         self._vectors = np.empty((operators.n_local, 0), order="F")
-        self._mass_times = np.empty((operators.n_local, 0), order="F")
         self._stiffness, self._damping, self._mass = (np.zeros((0, 0)) for _ in range(3))
         observed = [operators.probes, operators.contacts.elongation]
         self._looks = sparse.vstack([functionals.local for functionals in observed], format="csr")
@@ -122,10 +124,6 @@ class _Builder:
     @property
     def vectors(self) -> np.ndarray:
         return self._vectors[:, : self.size]
-
-    @property
-    def mass_times(self) -> np.ndarray:
-        return self._mass_times[:, : self.size]
 
     def run(self, more: tuple[Any, ...]) -> KrylovBasis:
         growth, settings = self.growth, self.settings
@@ -143,8 +141,7 @@ class _Builder:
         met = False
         while not met:
             before = self.size
-            self._add(answers)
-            new = slice(before, self.size)
+            moved = self._add(answers)
             growth.sizes.append(self.size)
             exhausted = self.size == before
             if len(growth.sizes) > 1 and not exhausted:
@@ -159,7 +156,7 @@ class _Builder:
             if not met:
                 if exhausted or len(growth.sizes) == settings.blocks:
                     raise SolverError(self._failure(exhausted))
-                answers = self._solve(self._mass_times[:, new])
+                answers = self._solve(moved)
         growth.seconds = {"factorisation": self.solver.factor_seconds, "solves": self.solver.solve_seconds} | growth.seconds
         log.info(
             "Krylov basis: %d vectors from %d columns in %d blocks, relative residual %.1e to %g Hz",
@@ -204,26 +201,30 @@ class _Builder:
         columns[rows, sum(numbers[: self.comm.rank]) + np.arange(len(rows))] = 1.0
         return columns
 
-    def _add(self, columns: np.ndarray) -> None:
-        """Append what is new in `columns` (n_local, b), M-orthonormal, and project the model on it."""
+    def _add(self, columns: np.ndarray) -> np.ndarray:
+        """Append what is new in `columns` (n_local, b), M-orthonormal, and project the model on it; return M times what is new."""
         begin = time.perf_counter()
-        new, product = self._orthonormal(columns)
+        new, moved = self._orthonormal(columns)
         b, m = new.shape[1], self.size
         if m + b > self._vectors.shape[1]:
-            self._grow(max(m + b, 2 * self._vectors.shape[1], 8 * b))
+            larger = np.empty((len(new), max(m + b, 2 * self._vectors.shape[1], 8 * b)), order="F")
+            larger[:, :m] = self.vectors
+            self._vectors = larger
         self._vectors[:, m : m + b] = new
-        self._mass_times[:, m : m + b] = product
         self.size = m + b
         begin = self._clock("orthonormalisation", begin)
-        V = self.vectors
-        self._mass = _bordered(self._mass, inner(V, product, self.comm))
-        self._stiffness = _bordered(self._stiffness, inner(V, apply(self.operators.stiffness, new), self.comm))
-        damping = self.operators.damping
-        damped = np.zeros((self.size, b)) if damping is None else inner(V, apply(damping, new), self.comm)
-        self._damping = _bordered(self._damping, damped)
+        products = [moved, apply(self.operators.stiffness, new)]
+        if self.operators.damping is not None:
+            products.append(apply(self.operators.damping, new))
+        between = np.split(inner(self.vectors, np.hstack(products), self.comm), len(products), axis=1)
+        damped = between[2] if len(between) == 3 else np.zeros((self.size, b))
+        self._mass, self._stiffness, self._damping = (
+            _bordered(*pair) for pair in ((self._mass, between[0]), (self._stiffness, between[1]), (self._damping, damped))
+        )
         self.generalised = np.vstack([self.generalised, inner(new, self.forces, self.comm)])
         self._seen = np.hstack([self._seen, self.operators.probes.total(self._looks @ new)])
         self._clock("projection", begin)
+        return moved
 
     def _shrink(self, size: int) -> None:
         """Keep the first `size` vectors."""
@@ -231,35 +232,28 @@ class _Builder:
         self._stiffness, self._damping, self._mass = (a[:size, :size] for a in (self._stiffness, self._damping, self._mass))
         self.generalised, self._seen = self.generalised[:size], self._seen[:, :size]
 
-    def _grow(self, capacity: int) -> None:
-        for name in ("_vectors", "_mass_times"):
-            larger = np.empty((self.operators.n_local, capacity), order="F")
-            larger[:, : self.size] = getattr(self, name)[:, : self.size]
-            setattr(self, name, larger)
-
     def _orthonormal(self, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the new directions of `columns` and their products with the mass: block Gram-Schmidt, twice and until it holds."""
-        mass, comm = self.operators.mass, self.comm
-        X = columns
-        product = apply(mass, X)
-        square = comm.allreduce(np.einsum("ij,ij->j", X, product))
+        """Return the new directions of `columns` and M times them: block Gram-Schmidt, twice, more often only if that does not do."""
+        mass, V = self.operators.mass, self.vectors
+        moved = apply(mass, columns)
+        square = self.comm.allreduce(np.einsum("ij,ij->j", columns, moved))
         keep = square > 0
-        X = X[:, keep] / np.sqrt(square[keep])
-        for turn in range(4):
-            share = inner(self.mass_times, X, comm)
-            X = X - self.vectors @ share
-            product = apply(mass, X)
-            gram = inner(X, product, comm)
+        X, moved = (np.asfortranarray(a[:, keep] / np.sqrt(square[keep])) for a in (columns, moved))
+        for turn in range(5):
+            X -= V @ inner(V, moved, self.comm)
+            moved = apply(mass, X)
+            gram = inner(X, moved, self.comm)
+            away = np.max(np.abs(gram - np.eye(len(gram))), initial=0.0)
             size = np.sqrt(np.maximum(np.diag(gram), 0.0))
-            if turn and np.max(np.abs(gram - np.eye(len(gram))), initial=0.0) < 1e-12:
-                break
             keep = size > DEPENDENT
             gram, size = gram[np.ix_(keep, keep)], size[keep]
             values, directions = np.linalg.eigh(gram / np.outer(size, size))
             wanted = values > DEPENDENT_GRAM
             turned = directions[:, wanted] / np.sqrt(values[wanted]) / size[:, None]
-            X, product = X[:, keep] @ turned, product[:, keep] @ turned
-        return X, product
+            X, moved = (np.asfortranarray(a[:, keep] @ turned) for a in (X, moved))
+            if turn and away < NEARLY:
+                break
+        return X, moved
 
     def _clock(self, phase: str, begin: float) -> float:
         now = time.perf_counter()
