@@ -66,6 +66,10 @@ def _parser() -> argparse.ArgumentParser:
                           "bonded; 'exact' overrules the scene. Default: what the scene says, else uplift is solved exactly")
     run.add_argument("--tolerance", type=_positive, metavar="TOL",
                      help=f"end the published passes when change and law are met to TOL; exit code 1 if N (default {MANY}) do not do")
+    run.add_argument("--basis", type=_positive, metavar="TOL",
+                     help="run in a Krylov basis grown to the relative residual TOL instead of in all dofs")
+    run.add_argument("--basis-file", type=Path, metavar="FILE",
+                     help="with --basis: read the basis from this HDF5 file, or write it there if it is not there yet")
     run.add_argument("--out", type=Path, metavar="DIR", help="folder of the results (default: results/SCENE/METHOD)")
     run.add_argument("--no-plots", action="store_true", help="draw no pictures")
     run.add_argument("--quiet", action="store_true", help="print errors only")
@@ -157,7 +161,7 @@ def _request(options: argparse.Namespace, scene: Scene) -> Request:
         if options.iterations == 0:
             raise ModelError("--tolerance", "ends the published passes; exact uplift needs none")
         passes = MANY
-    request = Request(options.method or scene.run.method, passes or None, options.tolerance)
+    request = Request(options.method or scene.run.method, passes or None, options.tolerance, options.basis, options.basis_file)
     request.check(scene)
     return request
 

@@ -30,11 +30,16 @@ LEDGER_DOFS = 50_000
 
 def analyse(plant: Plant, request: Request) -> Analysis:
     """Run one method (collective)."""
+    if request.basis is not None:
+        from drivers.reduced_methods import analyse_in_basis
+
+        return analyse_in_basis(plant, request)
     run = {"transient": _transient, "time-frequency": _time_frequency, "modal": _modal}[request.method]
     return run(plant, request)
 
 
-def _passes(solve, plant: Plant, request: Request) -> Passes:  # type: ignore[no-untyped-def]  # the callable of published_passes
+def run_passes(solve, plant: Plant, request: Request) -> Passes:  # type: ignore[no-untyped-def]  # the callable of published_passes
+    """Run the published passes that a request asks for."""
     assert request.passes is not None
     law = plant.operators.contacts.law
     return published_passes(solve, law, request.passes, tolerance=request.tolerance, keep_all=request.passes <= FEW)
@@ -57,10 +62,11 @@ def _start_state(plant: Plant, *, exact_uplift: bool) -> State:
     return settled_state(plant.operators, scheme, settling.step, settling.steps, exact_uplift=exact_uplift)
 
 
-class _LiftedShare:
+class LiftedShare:
     """Collects the lifted share of the area at the archived instants that the scene asks for."""
 
     def __init__(self, plant: Plant, times: np.ndarray) -> None:
+        """Take the archived instants (nt,) s."""
         self._area = plant.assembled.lifted_area
         self.rows = plant.scene.output.uplift_rows(times)
         self._partial = np.full(len(times), np.nan)
@@ -88,13 +94,13 @@ def _transient(plant: Plant, request: Request) -> Analysis:
                 away = _unsettled(plant, static)
             if away > SETTLED:
                 log.warning("the settling steps end %.1e (relative) away from the state of rest: more of them, or start = 'static'", away)
-        share = _LiftedShare(plant, settings.archived)
+        share = LiftedShare(plant, settings.archived)
         ledger, watch = plant.operators.n <= LEDGER_DOFS, share.watch if share.rows.any() else None
 
         def solve(release: np.ndarray | None) -> History:
             return transient(method, start, settings.steps, every=settings.every, release=release, energy=ledger, watch=watch)
 
-        passes = Passes([solve(None)], number=1) if exact else _passes(solve, plant, request)
+        passes = Passes([solve(None)], number=1) if exact else run_passes(solve, plant, request)
         problem = method.compliance.problem if method.compliance else None
         tries = problem.tries / max(problem.solved, 1) if problem else None
         return Analysis("transient", passes, exact, tries=tries, lifted=None if passes.ended == "diverged" else share.result())
@@ -118,7 +124,7 @@ def _laplace(plant: Plant) -> Analysis:
             run = laplace_run(plant.operators, settings.scheme, settings.step, settings.steps, start, every=settings.every)
         plant.clock.add("factorisation", run.factor_seconds)
         plant.clock.add("march", run.march_seconds)
-        share = _LiftedShare(plant, settings.archived)
+        share = LiftedShare(plant, settings.archived)
         for row in np.flatnonzero(share.rows):
             values = run.field(row)
             if values is not None:
@@ -146,7 +152,7 @@ def _fourier(plant: Plant, request: Request) -> Analysis:
         transfer = harmonic_sweep(plant.operators, 2 * np.pi * window.frequencies)
         plant.clock.add("factorisation", transfer.factor_seconds)
         response = FourierResponse(plant.operators, window, transfer)
-        passes = _passes(response.history, plant, request)
+        passes = run_passes(response.history, plant, request)
         again = fourier.inverse_by_sum(response.probe_spectrum(passes.final.release), window.samples)
         check = float(np.max(np.abs(again - passes.final.probes), initial=0.0))
     return Analysis("time-frequency", passes, False, transform_check=check, notes={"frequencies": len(window.frequencies)})
@@ -186,8 +192,8 @@ def _modal(plant: Plant, request: Request) -> Analysis:
             marched[:] = [run]
             return run.history(model)
 
-        passes = Passes([solve(None)], number=1) if exact else _passes(solve, plant, request)
-    share = _LiftedShare(plant, settings.archived)
+        passes = Passes([solve(None)], number=1) if exact else run_passes(solve, plant, request)
+    share = LiftedShare(plant, settings.archived)
     for row in np.flatnonzero(share.rows):
         share.watch(row, model.field(marched[0].coordinates[row]))
     notes = {

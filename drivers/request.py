@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 from drivers.runtime import Scalars
 from drivers.scene import Scene
@@ -20,14 +21,22 @@ class Request:
     """Number of published passes; None: uplift is solved exactly."""
     tolerance: float | None = None
     """End of the published passes, if any."""
+    basis: float | None = None
+    """Tolerance of the Krylov basis that the run lives in; None: it is run in all dofs."""
+    basis_file: Path | None = None
+    """Where the basis is read from, or written to if the file is not there yet."""
 
     @property
     def scalars(self) -> Scalars:
         """The build of PETSc that the method needs."""
-        return "complex" if self.method == "time-frequency" else "real"
+        return "complex" if self.method == "time-frequency" and self.basis is None else "real"
 
     def check(self, scene: Scene) -> None:
         """Raise `ModelError` if the scene does not say what the method needs, or holds what the passes cannot do."""
+        if self.basis is not None and self.method == "modal":
+            raise ModelError("--basis", "takes the place of the modes; choose the method transient or time-frequency")
+        if self.basis is None and self.basis_file is not None:
+            raise ModelError("--basis-file", "expected together with --basis TOL")
         section = "fourier" if self.method == "time-frequency" and self.passes else "transient"
         if getattr(scene, section) is None:
             raise ModelError(section, f"missing; the method {self.method} needs the section [{section}]")

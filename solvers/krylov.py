@@ -28,19 +28,16 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from scipy import linalg, sparse
+from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
 from forms.operators import Operators
 from solvers.errors import SolverError
 from solvers.linear import DirectSolver
 from solvers.parameters import KrylovSettings
-from solvers.reduced import Basis, Projected, apply, inner
+from solvers.reduced import DEPENDENT, Basis, Projected, apply, inner, solve_definite
 
 log = logging.getLogger(__name__)
-
-DEPENDENT = 1e-10
-"""A column of which less than this part is new, in the norm of the mass, adds no direction."""
 
 DEPENDENT_GRAM = 1e-14
 """Directions of a block below this eigenvalue of its scaled Gram matrix are round-off."""
@@ -249,6 +246,7 @@ class _Builder:
             gram, size = gram[np.ix_(keep, keep)], size[keep]
             values, directions = np.linalg.eigh(gram / np.outer(size, size))
             wanted = values > DEPENDENT_GRAM
+            wanted[: max(0, len(wanted) - (self.operators.n - self.size))] = False  # a small model is used up: the rest is round-off
             turned = directions[:, wanted] / np.sqrt(values[wanted]) / size[:, None]
             X, moved = (np.asfortranarray(a[:, keep] @ turned) for a in (X, moved))
             if turn and away < NEARLY:
@@ -263,13 +261,13 @@ class _Builder:
     def _shifted(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the projection of A = K + sigma M and (n_columns,) the size (b^T A^-1 b)^(1/2) of each column of B."""
         matrix = self._stiffness + self.settings.shift * self._mass
-        return matrix, np.sqrt(np.einsum("ij,ij->j", self.generalised, linalg.solve(matrix, self.generalised, assume_a="pos")))
+        return matrix, np.sqrt(np.einsum("ij,ij->j", self.generalised, solve_definite(matrix, self.generalised, "Krylov basis")))
 
     def _estimate(self, before: int) -> None:
         """Measure the basis of the first `before` vectors in the coordinates of the whole."""
         begin = time.perf_counter()
         shifted, size = self._shifted()
-        outputs = np.sqrt(np.einsum("oj,jo->o", self._seen, linalg.solve(shifted, self._seen.T, assume_a="pos")))
+        outputs = np.sqrt(np.einsum("oj,jo->o", self._seen, solve_definite(shifted, self._seen.T, "Krylov basis")))
         scale = np.outer(np.where(outputs > 0, outputs, 1.0), size)
         residuals, change = [], 0.0
         for omega in self.omega:
@@ -277,7 +275,7 @@ class _Builder:
             smaller = np.linalg.solve(dynamic[:before, :before], self.generalised[:before])
             larger = np.linalg.solve(dynamic, self.generalised)
             rest = self.generalised - dynamic[:, :before] @ smaller
-            square = np.real(np.einsum("ij,ij->j", rest.conj(), np.linalg.solve(shifted, rest)))
+            square = np.real(np.einsum("ij,ij->j", rest.conj(), solve_definite(shifted, rest, "Krylov basis")))
             residuals.append(float(np.max(np.sqrt(np.maximum(square, 0.0)) / size)))
             difference = self._seen @ larger - self._seen[:, :before] @ smaller
             change = max(change, float(np.max(np.abs(difference) / scale, initial=0.0)))

@@ -234,7 +234,7 @@ def static_state(model: ReducedModel, *, exact_uplift: bool = False) -> ReducedS
     Raises `SolverError` if it has none.
     """
     force = model.loads @ model.load_values(np.zeros(1), static_only=True)[0]
-    answers = _solve_definite(model.stiffness, np.column_stack([force, model.push]), "reduced static state")
+    answers = solve_definite(model.stiffness, np.column_stack([force, model.push]), "reduced static state")
     release = np.zeros(model.law.n_channels)
     if exact_uplift and release.size:
         problem = ContactProblem(model.law, model.law.stiffness[:, None] * (model.elongation @ answers[:, 1:]))
@@ -327,8 +327,8 @@ class _Stepper:
         self.balance = np.hstack([-stiffness, -damping, step**2 * model.loads, step**2 * model.push])
         keep = 1 - scheme.alpha_f
         effective = (1 - scheme.alpha_m) * model.mass + keep * (scheme.gamma * damping + scheme.beta * stiffness)
-        self.answer = _solve_definite(effective, self.balance, "reduced time step")
-        self.inertia = _solve_definite(effective, -scheme.alpha_m * model.mass, "reduced time step")
+        self.answer = solve_definite(effective, self.balance, "reduced time step")
+        self.inertia = solve_definite(effective, -scheme.alpha_m * model.mass, "reduced time step")
         self.problem: ContactProblem | None = None
         if exact_uplift and model.law.n_channels:
             # A release force r1 acts as (1 - alpha_f) r1 at the instant of balance and moves the contacts by beta a1.
@@ -347,7 +347,7 @@ class _Stepper:
         first = start.release if given is None else given[0]
         whole = np.concatenate([start.displacement, self.step * start.velocity, values[0], first])
         motion, loads, release = whole[: 2 * m].reshape(2, m), whole[2 * m : 2 * m + n_loads], whole[2 * m + n_loads :]
-        acceleration = _solve_definite(model.mass, self.balance @ whole, "reduced initial acceleration")
+        acceleration = solve_definite(model.mass, self.balance @ whole, "reduced initial acceleration")
         new = np.array([[scheme.beta], [scheme.gamma]])
         old = np.array([[0.5], [1.0]]) - new
         archived = (len(values) - 1) // every + 1
@@ -374,7 +374,7 @@ class _Stepper:
         return archive, acted
 
 
-def _solve_definite(matrix: np.ndarray, right: np.ndarray, what: str) -> np.ndarray:
+def solve_definite(matrix: np.ndarray, right: np.ndarray, what: str) -> np.ndarray:
     """Solve a small symmetric positive definite system, scaled to a unit diagonal. Raises `SolverError` if it is not one."""
     scale = np.sqrt(np.maximum(np.diag(matrix), np.finfo(float).tiny))
     try:
