@@ -110,6 +110,22 @@ def _parser() -> argparse.ArgumentParser:
     truncation.add_argument("--no-plots", action="store_true", help="draw no pictures")
     truncation.add_argument("--quiet", action="store_true", help="print errors only")
     truncation.set_defaults(command=_truncation)
+    study = commands.add_parser(
+        "study", help="a scene with values varied, in one basis",
+        description="Run a scene with exact uplift for every combination of varied values, in a Krylov basis that is made once, and write "
+                    "a table and a picture of the extremes. Signals, gravity, gaps, preloads and time steps cost seconds a case; what "
+                    "changes stiffness, mass or contacts costs a basis for each case.",
+    )
+    study.add_argument("scene", type=Path, metavar="SCENE.toml", help="the scene file")
+    study.add_argument("--vary", action="append", required=True, metavar="KEY=FIRST:LAST:NUMBER",
+                       help="a value of the scene by its path, as load.amplitude=0.5:8:16 or supports.RESS.gap=0,0.001; may be repeated")
+    study.add_argument("--basis", type=_positive, default=1e-6, metavar="TOL", help="tolerance of the basis (default: %(default)s)")
+    study.add_argument("--basis-file", type=Path, metavar="FILE",
+                       help="read the basis from this HDF5 file, or write it there if it is not there yet")
+    study.add_argument("--out", type=Path, metavar="DIR", help="folder of the results (default: results/SCENE/study)")
+    study.add_argument("--no-plots", action="store_true", help="draw no picture")
+    study.add_argument("--quiet", action="store_true", help="print errors only")
+    study.set_defaults(command=_vary)
     cost = commands.add_parser(
         "cost", help="what exact uplift costs beside a linear run",
         description="Measure exact uplift against linear runs, bare solves and sweeps on finer and finer meshes; write a page.",
@@ -238,6 +254,28 @@ def _cost(options: argparse.Namespace, begin: float) -> int:
         sweep = cost.sweep_in_child(options.scene, options.quick) if comm.size == 1 else ()
         cost.cost(scene, comm, options.out, quick=options.quick, sweep=sweep)
     return 0
+
+
+def _vary(options: argparse.Namespace, begin: float) -> int:
+    from drivers.output import writable_folder
+    from drivers.scene import read_scene
+
+    scene = read_scene(options.scene)
+    runtime.choose_scalars("real")
+    out = options.out or Path("results") / options.scene.stem / "study"
+    if runtime.launch_rank() == 0:
+        writable_folder(out)
+    with runtime.parallel() as comm:
+        from drivers.study import run_study, table_lines, variation, write_study
+
+        variations = [variation(text) for text in options.vary]
+        columns, rows, facts = run_study(scene, options.scene.parent, variations, options.basis, options.basis_file, comm)
+        if comm.rank == 0:
+            write_study(out, columns, rows, facts, len(variations), scene.title, draw=not options.no_plots)
+        if not options.quiet:
+            runtime.say("\n".join(table_lines(columns, rows)))
+            runtime.say(f"{facts['cases']} cases on {len(facts['bases'])} bases in {facts['seconds']:.1f} s\nfiles in {out}")
+        return FAILED if facts["failed"] else 0
 
 
 def _survey(options: argparse.Namespace, begin: float) -> int:

@@ -25,7 +25,7 @@ from forms.operators import Operators
 from meshes.checked import ModelError
 from solvers.krylov import Growth, KrylovBasis
 from solvers.parameters import KrylovSettings
-from solvers.reduced import Projected, apply, inner, solve_definite
+from solvers.reduced import Basis, Projected, apply, inner, solve_definite
 
 log = logging.getLogger(__name__)
 
@@ -135,7 +135,10 @@ def read_basis(path: Path, operators: Operators) -> tuple[KrylovBasis, KrylovSet
         raise ModelError("--basis-file", f"{path}: {problem}")
     settings = KrylovSettings(**about["settings"])
     basis = KrylovBasis(vectors, comm, Projected(**about["projected"]), Growth(**about["growth"]))
-    check_loads(operators, basis, settings, str(path))
+    outside = load_outside(operators, basis, settings)
+    if outside is not None:
+        words = f"made for other loads; the static answer to the load {outside!r} is not in the basis"
+        raise ModelError("--basis-file", f"{path}: {words}")
     log.info("Krylov basis: %d vectors read from %s", basis.size, path)
     return basis, settings
 
@@ -156,8 +159,8 @@ def _about(file: Any, mark: str, sizes: list[int]) -> tuple[str | None, dict[str
     return None, about | {key: json.loads(file.attrs[key]) for key in ("settings", "growth")}
 
 
-def check_loads(operators: Operators, basis: KrylovBasis, settings: KrylovSettings, name: str) -> None:
-    """Raise `ModelError` if the static answer to a load of the model is not in the basis (collective)."""
+def load_outside(operators: Operators, basis: Basis, settings: KrylovSettings) -> str | None:
+    """Return the name of a load whose static answer is not in the basis of its model, or None (collective)."""
     assert basis.projected is not None
     matrix = basis.projected.stiffness + settings.shift * basis.projected.mass
     diagonal = operators.stiffness.getDiagonal()
@@ -171,8 +174,8 @@ def check_loads(operators: Operators, basis: KrylovBasis, settings: KrylovSettin
             rest -= settings.shift * apply(operators.mass, answer)
         left, size = (operators.comm.allreduce(float(np.sum((weight[:, None] * a) ** 2))) for a in (rest, force))
         if left > OUTSIDE**2 * size:
-            words = f"made for other loads; the static answer to the load {load.name!r} is not in the basis"
-            raise ModelError("--basis-file", f"{name}: {words}")
+            return load.name
+    return None
 
 
 def _words(error: Exception) -> str:
