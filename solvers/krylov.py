@@ -138,7 +138,7 @@ class _Builder:
         met = False
         while not met:
             before = self.size
-            moved = self._add(answers)
+            moved = self._add(answers, recent=growth.sizes[-3] if len(growth.sizes) > 2 else 0)
             growth.sizes.append(self.size)
             exhausted = self.size == before
             if len(growth.sizes) > 1 and not exhausted:
@@ -198,10 +198,13 @@ class _Builder:
         columns[rows, sum(numbers[: self.comm.rank]) + np.arange(len(rows))] = 1.0
         return columns
 
-    def _add(self, columns: np.ndarray) -> np.ndarray:
-        """Append what is new in `columns` (n_local, b), M-orthonormal, and project the model on it; return M times what is new."""
+    def _add(self, columns: np.ndarray, recent: int = 0) -> np.ndarray:
+        """Append what is new in `columns` (n_local, b), M-orthonormal, and project the model on it; return M times what is new.
+
+        `recent` is the first vector that the columns are not orthogonal to but for round-off.
+        """
         begin = time.perf_counter()
-        new, moved = self._orthonormal(columns)
+        new, moved = self._orthonormal(columns, recent)
         b, m = new.shape[1], self.size
         if m + b > self._vectors.shape[1]:
             larger = np.empty((len(new), max(m + b, 2 * self._vectors.shape[1], 8 * b)), order="F")
@@ -210,14 +213,13 @@ class _Builder:
         self._vectors[:, m : m + b] = new
         self.size = m + b
         begin = self._clock("orthonormalisation", begin)
-        products = [moved, apply(self.operators.stiffness, new)]
+        products = [apply(self.operators.stiffness, new)]
         if self.operators.damping is not None:
             products.append(apply(self.operators.damping, new))
         between = np.split(inner(self.vectors, np.hstack(products), self.comm), len(products), axis=1)
-        damped = between[2] if len(between) == 3 else np.zeros((self.size, b))
-        self._mass, self._stiffness, self._damping = (
-            _bordered(*pair) for pair in ((self._mass, between[0]), (self._stiffness, between[1]), (self._damping, damped))
-        )
+        damped = between[1] if len(between) == 2 else np.zeros((self.size, b))
+        self._stiffness, self._damping = _bordered(self._stiffness, between[0]), _bordered(self._damping, damped)
+        self._mass = np.eye(self.size)
         self.generalised = np.vstack([self.generalised, inner(new, self.forces, self.comm)])
         self._seen = np.hstack([self._seen, self.operators.probes.total(self._looks @ new)])
         self._clock("projection", begin)
@@ -229,15 +231,20 @@ class _Builder:
         self._stiffness, self._damping, self._mass = (a[:size, :size] for a in (self._stiffness, self._damping, self._mass))
         self.generalised, self._seen = self.generalised[:size], self._seen[:, :size]
 
-    def _orthonormal(self, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the new directions of `columns` and M times them: block Gram-Schmidt, twice, more often only if that does not do."""
+    def _orthonormal(self, columns: np.ndarray, recent: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return the new directions of `columns` and M times them: block Gram-Schmidt, twice, more often only if that does not do.
+
+        A^-1 M is symmetric in the product of the mass, so A^-1 M times the last block has parts in the last two blocks only: the
+        first turn looks at these, the second one removes what round-off has left in all.
+        """
         mass, V = self.operators.mass, self.vectors
         moved = apply(mass, columns)
         square = self.comm.allreduce(np.einsum("ij,ij->j", columns, moved))
         keep = square > 0
         X, moved = (np.asfortranarray(a[:, keep] / np.sqrt(square[keep])) for a in (columns, moved))
         for turn in range(5):
-            X -= V @ inner(V, moved, self.comm)
+            known = V if turn else V[:, recent:]
+            X -= known @ inner(known, moved, self.comm)
             moved = apply(mass, X)
             gram = inner(X, moved, self.comm)
             away = np.max(np.abs(gram - np.eye(len(gram))), initial=0.0)
