@@ -45,6 +45,9 @@ DEPENDENT_GRAM = 1e-14
 NEARLY = 1e-3
 """A block this close to orthonormal is so to round-off after one more turn."""
 
+STANDSTILL = 0.3
+"""A block that leaves more than this part of the residual has come to the end of what blocks can do; usually it leaves a tenth."""
+
 COMBINATIONS = 4
 """Random combinations of all columns whose true residual is measured at a frequency; the mean of their squares is short by a factor of 25
 once in 100,000 times."""
@@ -146,6 +149,7 @@ class _Builder:
             if exhausted or self._promising():
                 grown = self.size
                 self._add(last)
+                self._untangle(grown)
                 self._check()
                 met = growth.estimate <= settings.tolerance
                 if not met:
@@ -225,10 +229,23 @@ class _Builder:
         self._clock("projection", begin)
         return moved
 
+    def _untangle(self, first: int) -> None:
+        """Turn the vectors from `first` on so that K does not couple them.
+
+        They are stiff, 1e13 to 1e16 per unit of mass, and mixed with one another the softer ones would lose their digits.
+        """
+        _, turned = np.linalg.eigh(self._stiffness[first:, first:])
+        self._vectors[:, first : self.size] = self.vectors[:, first:] @ turned
+        for matrix in (self._stiffness, self._damping):
+            matrix[:, first:] = matrix[:, first:] @ turned
+            matrix[first:] = turned.T @ matrix[first:]
+        self.generalised[first:] = turned.T @ self.generalised[first:]
+        self._seen[:, first:] = self._seen[:, first:] @ turned
+
     def _shrink(self, size: int) -> None:
         """Keep the first `size` vectors."""
         self.size = size
-        self._stiffness, self._damping, self._mass = (a[:size, :size] for a in (self._stiffness, self._damping, self._mass))
+        self._stiffness, self._damping, self._mass = (a[:size, :size].copy() for a in (self._stiffness, self._damping, self._mass))
         self.generalised, self._seen = self.generalised[:size], self._seen[:, :size]
 
     def _orthonormal(self, columns: np.ndarray, recent: int) -> tuple[np.ndarray, np.ndarray]:
@@ -295,11 +312,16 @@ class _Builder:
         return self._stiffness + 1j * omega * self._damping - omega**2 * self._mass
 
     def _promising(self) -> bool:
-        """Whether the estimates of the last two blocks, carried on, meet the tolerance with the present basis."""
+        """Whether the true residual is worth measuring: the estimates, carried on, meet the tolerance, or they have come to a stand.
+
+        They stand still where what is left is the share of the stiff springs, which the last vectors bring in.
+        """
         residual = self.growth.residual
         if len(residual) < 2:
             return bool(residual) and residual[-1] <= self.settings.tolerance
-        return residual[-1] * min(residual[-1] / residual[-2], 1.0) <= self.settings.tolerance
+        gain = residual[-1] / residual[-2]
+        stands = gain > STANDSTILL and residual[-1] < 1e-2
+        return stands or residual[-1] * min(gain, 1.0) <= self.settings.tolerance
 
     def _check(self) -> None:
         """Measure the true residual of the whole model: at the end of the band, and where the smaller basis did worst."""

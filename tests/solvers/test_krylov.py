@@ -164,3 +164,12 @@ def test_springs_are_found(sdls119a, comm):
     assert sorted(stiffness) == pytest.approx([1.0] * 2 + [5e14] * 5)
     assert np.all(kept > 0)
     assert sorted(inside) == sorted(elongation.indices)
+
+
+def test_stiff_directions_do_not_spoil_soft_ones(sdls119a, comm):
+    """Scaled to a unit diagonal, the projected stiffness is well conditioned though its entries span twelve decades."""
+    with prepare(refined(sdls119a, 2), comm) as plant:
+        stiffness = krylov_basis(plant.operators, KrylovSettings(tolerance=1e-6)).projected.stiffness
+    size = np.sqrt(np.diag(stiffness))
+    assert np.max(size) > 1e5 * np.min(size)
+    assert np.linalg.eigvalsh(stiffness / np.outer(size, size))[0] > 1e-4
