@@ -180,8 +180,8 @@ class _Builder:
     def _spring_forces(self, forces: np.ndarray, answers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the forces (n_local, ...) of the springs that damping spares: those to begin with, those whose static answers do.
 
-        Beside a structure of compliance c a spring k adds min(k c, 1 / (k c)) of the response, and the root of it in the norm of the
-        energy. Of stiff and soft ones the static answer alone leaves `LEFT_BY_STATIC` min(k c, 1 / (k c)).
+        Beside a structure of compliance c a spring k adds w = k c / (1 + (k c)^2) of the response, and the root of it in the norm of
+        the energy. Of stiff and soft ones the static answer alone leaves `LEFT_BY_STATIC` w.
         """
         nothing = np.zeros((self.operators.n_local, 0))
         if self.operators.damping is None:
@@ -190,7 +190,7 @@ class _Builder:
         reach = np.max(self.comm.allgather(np.abs(answers).max(axis=0, initial=0.0)), axis=0)
         rows, stiffness = spring_forces(self.operators)
         ratio = stiffness * float(np.max(reach / total))
-        weight = np.minimum(ratio, 1 / ratio)
+        weight = ratio / (1 + ratio**2)
         begins = LEFT_BY_STATIC * weight > self.settings.tolerance
         counts = ~begins & (weight > self.settings.tolerance**2)
         return self._unit_columns(rows[begins]), self._unit_columns(rows[counts])
