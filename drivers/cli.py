@@ -75,6 +75,10 @@ def _parser() -> argparse.ArgumentParser:
                           "bonded; 'exact' overrules the scene. Default: what the scene says, else uplift is solved exactly")
     run.add_argument("--tolerance", type=_positive, metavar="TOL",
                      help=f"end the published passes when change and law are met to TOL; exit code 1 if N (default {MANY}) do not do")
+    run.add_argument("--basis", type=_positive, metavar="TOL",
+                     help="run in a Krylov basis grown to the relative residual TOL instead of in all dofs")
+    run.add_argument("--basis-file", type=Path, metavar="FILE",
+                     help="with --basis: read the basis from this HDF5 file, or write it there if it is not there yet")
     run.add_argument("--out", type=Path, metavar="DIR", help="folder of the results (default: results/SCENE/METHOD)")
     run.add_argument("--groups", type=int, metavar="N",
                      help="split the ranks into N groups that share the frequencies of a sweep (default: chosen from sizes and memory)")
@@ -142,6 +146,22 @@ def _parser() -> argparse.ArgumentParser:
     compare.add_argument("--no-plots", action="store_true", help="draw no picture")
     compare.set_defaults(command=_compare)
 
+    study = commands.add_parser(
+        "study", help="a scene with values varied, in one basis",
+        description="Run a scene with exact uplift for every combination of varied values, in a Krylov basis that is made once, and write "
+                    "a table and a picture of the extremes. Signals, gravity, gaps, preloads and time steps cost seconds a case; what "
+                    "changes stiffness, mass or contacts costs a basis for each case.",
+    )
+    study.add_argument("scene", type=Path, metavar="SCENE.toml", help="the scene file")
+    study.add_argument("--vary", action="append", required=True, metavar="KEY=FIRST:LAST:NUMBER",
+                       help="a value of the scene by its path, as load.amplitude=0.5:8:16 or supports.RESS.gap=0,0.001; may be repeated")
+    study.add_argument("--basis", type=_positive, default=1e-6, metavar="TOL", help="tolerance of the basis (default: %(default)s)")
+    study.add_argument("--basis-file", type=Path, metavar="FILE",
+                       help="read the basis from this HDF5 file, or write it there if it is not there yet")
+    study.add_argument("--out", type=Path, metavar="DIR", help="folder of the results (default: results/SCENE/study)")
+    study.add_argument("--no-plots", action="store_true", help="draw no picture")
+    study.add_argument("--quiet", action="store_true", help="print errors only")
+    study.set_defaults(command=_vary)
     cost = commands.add_parser(
         "cost", help="what exact uplift costs beside a linear run",
         description="Measure exact uplift against linear runs, bare solves and sweeps on finer and finer meshes; write a page.",
@@ -233,7 +253,7 @@ def _request(options: argparse.Namespace, scene: Scene) -> Request:
         if options.iterations == 0:
             raise ModelError("--tolerance", "ends the published passes; exact uplift needs none")
         passes = MANY
-    request = Request(options.method or scene.run.method, passes or None, options.tolerance)
+    request = Request(options.method or scene.run.method, passes or None, options.tolerance, options.basis, options.basis_file)
     request.check(scene)
     return request
 
@@ -381,6 +401,28 @@ def _scale(options: argparse.Namespace, begin: float) -> int:
         factor, points, groups = options.measure
         say_measured(measure(scene, comm, factor, points, groups))
     return 0
+
+
+def _vary(options: argparse.Namespace, begin: float) -> int:
+    from drivers.output import writable_folder
+    from drivers.scene import read_scene
+
+    scene = read_scene(options.scene)
+    runtime.choose_scalars("real")
+    out = options.out or Path("results") / options.scene.stem / "study"
+    if runtime.launch_rank() == 0:
+        writable_folder(out)
+    with runtime.parallel() as comm:
+        from drivers.study import run_study, table_lines, variation, write_study
+
+        variations = [variation(text) for text in options.vary]
+        columns, rows, facts = run_study(scene, options.scene.parent, variations, options.basis, options.basis_file, comm)
+        if comm.rank == 0:
+            write_study(out, columns, rows, facts, len(variations), scene.title, draw=not options.no_plots)
+        if not options.quiet:
+            runtime.say("\n".join(table_lines(columns, rows)))
+            runtime.say(f"{facts['cases']} cases on {len(facts['bases'])} bases in {facts['seconds']:.1f} s\nfiles in {out}")
+        return FAILED if facts["failed"] else 0
 
 
 def _survey(options: argparse.Namespace, begin: float) -> int:

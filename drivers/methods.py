@@ -40,6 +40,10 @@ def analyse(
     checkpoints.
     """
     request.check_held(plant.scene, plant.assembled.loose)
+    if request.basis is not None:
+        from drivers.reduced_methods import analyse_in_basis
+
+        return analyse_in_basis(plant, request, film)
     if request.method == "time-frequency":
         require_scalars("complex")
         sweep = _laplace if request.passes is None else _fourier
@@ -53,7 +57,8 @@ def analyse(
     return analysis
 
 
-def _passes(solve, plant: Plant, request: Request) -> Passes:  # type: ignore[no-untyped-def]  # the callable of published_passes
+def run_passes(solve, plant: Plant, request: Request) -> Passes:  # type: ignore[no-untyped-def]  # the callable of published_passes
+    """Run the published passes that a request asks for."""
     assert request.passes is not None
     law = plant.operators.contacts.law
     return published_passes(solve, law, request.passes, tolerance=request.tolerance, keep_all=request.passes <= FEW)
@@ -76,10 +81,11 @@ def _start_state(plant: Plant, *, exact_uplift: bool) -> State:
     return settled_state(plant.operators, scheme, settling.step, settling.steps, exact_uplift=exact_uplift)
 
 
-class _LiftedShare:
+class LiftedShare:
     """Collects the lifted share of the area at the archived instants that the scene asks for."""
 
     def __init__(self, plant: Plant, times: np.ndarray) -> None:
+        """Take the archived instants (nt,) s."""
         self._area = plant.assembled.lifted_area
         self.rows = plant.scene.output.uplift_rows(times)
         self.partial = np.full(len(times), np.nan)
@@ -97,7 +103,7 @@ class _LiftedShare:
 class _Audience:
     """All who look at the displacements of a march, and what of theirs is kept in its checkpoints."""
 
-    def __init__(self, plant: Plant, share: _LiftedShare, film: Film | None) -> None:
+    def __init__(self, plant: Plant, share: LiftedShare, film: Film | None) -> None:
         self._share, self._film = share, film
         self._nothing = np.zeros((plant.operators.n_local, 0))
 
@@ -129,7 +135,7 @@ def _transient(plant: Plant, request: Request, film: Film | None, watch: Watch |
                 away = _unsettled(plant, static)
             if away > SETTLED:
                 log.warning("the settling steps end %.1e (relative) away from the state of rest: more of them, or start = 'static'", away)
-        share = _LiftedShare(plant, settings.archived)
+        share = LiftedShare(plant, settings.archived)
         ledger = plant.operators.n <= LEDGER_DOFS
         observer = _Audience(plant, share, film) if film is not None or share.rows.any() else None
 
@@ -140,13 +146,13 @@ def _transient(plant: Plant, request: Request, film: Film | None, watch: Watch |
                 method, start, settings.steps, every=settings.every, release=release, energy=ledger, observer=observer, watch=watch
             )
 
-        passes = Passes([solve(None)], number=1) if exact else _passes(solve, plant, request)
+        passes = Passes([solve(None)], number=1) if exact else run_passes(solve, plant, request)
         problem = method.compliance.problem if method.compliance else None
         tries = problem.tries / max(problem.solved, 1) if problem else None
         return Analysis("transient", passes, exact, tries=tries, lifted=None if passes.ended == "diverged" else share.result())
 
 
-def _film(film: Film | None, instants: int, field: Callable[[int], np.ndarray | None], *, costly: bool = True) -> None:
+def film_at(film: Film | None, instants: int, field: Callable[[int], np.ndarray | None], *, costly: bool = True) -> None:
     """Film what `field` gives at the film's own instants (collective); nothing where fields were not kept."""
     if film is None:
         return
@@ -166,9 +172,9 @@ def _static(plant: Plant, request: Request, film: Film | None) -> Analysis:
         probes, elongation, *resultants = (f.total(f.partial(here))[None] for f in observed)
         release = state.release[None]
     reactions = operators.reactions.values(resultants[0], release) if operators.reactions else np.zeros((1, 0))
-    share = _LiftedShare(plant, np.zeros(1))
+    share = LiftedShare(plant, np.zeros(1))
     share.watch(0, here)
-    _film(film, 1, lambda _: here, costly=False)
+    film_at(film, 1, lambda _: here, costly=False)
     history = History(np.zeros(1), probes, elongation, release, reactions, 0, here)
     return Analysis("static", Passes([history], number=1), True, lifted=share.result())
 
@@ -188,12 +194,12 @@ def _laplace(plant: Plant, request: Request, film: Film | None, groups: int | No
             )
         plant.clock.add("factorisation", run.factor_seconds)
         plant.clock.add("march", run.march_seconds)
-        share = _LiftedShare(plant, settings.archived)
+        share = LiftedShare(plant, settings.archived)
         for row in np.flatnonzero(share.rows):
             values = run.field(row)
             if values is not None:
                 share.watch(row, values)
-        _film(film, len(settings.archived), run.field)
+        film_at(film, len(settings.archived), run.field)
     notes = {"laplace_points": run.points}
     return Analysis("time-frequency", Passes([run.history], number=1), True, tries=run.tries, lifted=share.result(), notes=notes)
 
@@ -217,11 +223,11 @@ def _fourier(plant: Plant, request: Request, film: Film | None, groups: int | No
         transfer = harmonic_sweep(plant.operators, 2 * np.pi * window.frequencies, groups=groups, watch=watch)
         plant.clock.add("factorisation", transfer.factor_seconds)
         response = FourierResponse(plant.operators, window, transfer)
-        passes = _passes(response.history, plant, request)
+        passes = run_passes(response.history, plant, request)
         again = fourier.inverse_by_sum(response.probe_spectrum(passes.final.release), window.samples)
         check = float(np.max(np.abs(again - passes.final.probes), initial=0.0))
         acted = passes.final.release
-        _film(film, window.samples, lambda row: response.field(acted, row))
+        film_at(film, window.samples, lambda row: response.field(acted, row))
         if film is not None:
             strongest = 1 + int(np.argmax(np.max(np.abs(response.probe_spectrum(acted)[1:]), axis=1)))
             amplitudes = response.amplitudes(acted, strongest)
@@ -264,11 +270,11 @@ def _modal(plant: Plant, request: Request, film: Film | None) -> Analysis:
             marched[:] = [run]
             return run.history(model)
 
-        passes = Passes([solve(None)], number=1) if exact else _passes(solve, plant, request)
-    share = _LiftedShare(plant, settings.archived)
+        passes = Passes([solve(None)], number=1) if exact else run_passes(solve, plant, request)
+    share = LiftedShare(plant, settings.archived)
     for row in np.flatnonzero(share.rows):
         share.watch(row, model.field(marched[0].coordinates[row]))
-    _film(film, len(settings.archived), lambda row: model.field(marched[0].coordinates[row]), costly=False)
+    film_at(film, len(settings.archived), lambda row: model.field(marched[0].coordinates[row]), costly=False)
     notes = {
         "modes": found.number,
         "basis_vectors": basis.size,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 from drivers.runtime import Scalars
 from drivers.scene import Scene
@@ -18,14 +19,23 @@ class Request:
     """Number of published passes; None: uplift is solved exactly."""
     tolerance: float | None = None
     """End of the published passes, if any."""
+    basis: float | None = None
+    """Tolerance of the Krylov basis that the run lives in; None: it is run in all dofs."""
+    basis_file: Path | None = None
+    """Where the basis is read from, or written to if the file is not there yet."""
 
     @property
     def scalars(self) -> Scalars:
         """The build of PETSc that the method needs."""
-        return "complex" if self.method in ("time-frequency", "harmonic") else "real"
+        needs = self.method == "harmonic" or (self.method == "time-frequency" and self.basis is None)
+        return "complex" if needs else "real"
 
     def check(self, scene: Scene) -> None:
         """Raise `ModelError` if the scene does not say what the method needs, or holds what the passes cannot do."""
+        if self.basis is not None and self.method not in ("transient", "time-frequency"):
+            raise ModelError("--basis", "expected with the method transient or time-frequency; it takes the place of the modes")
+        if self.basis is None and self.basis_file is not None:
+            raise ModelError("--basis-file", "expected together with --basis TOL")
         section = self._section()
         if section and getattr(scene, section) is None:
             raise ModelError(section, f"missing; the method {self.method} needs the section [{section}]")

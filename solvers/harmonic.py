@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 
 from forms.operators import Operators
@@ -10,16 +13,20 @@ from solvers.history import History
 from solvers.newmark import load_values
 from solvers.parameters import Window
 from solvers.sweep import Transfer, sweep
-from solvers.watch import Watch
 
 
-def harmonic_sweep(operators: Operators, omega: np.ndarray, *, groups: int | None = None, watch: Watch | None = None) -> Transfer:
+def harmonic_sweep(
+    operators: Operators,
+    omega: np.ndarray,
+    solve: Callable[..., Transfer] = sweep,
+    **how: Any,
+) -> Transfer:
     """Solve (K + i omega C - omega^2 M) X = [loads, unit release forces] at each omega (n_f,) in rad/s (collective).
 
-    `groups` and `watch` are those of `solvers.sweep.sweep`.
+    `solve` makes the sweep, called as `solvers.sweep.sweep` is: the direct one, or one in a basis; `how` holds further arguments of it,
+    such as `groups` and `watch`.
     """
-    first, second = 1j * omega, -(omega**2) + 0j
-    return sweep(operators, first, second, prefix="harmonic_", what="frequency sweep", groups=groups, watch=watch)
+    return solve(operators, 1j * omega, -(omega**2) + 0j, prefix="harmonic_", what="frequency sweep", **how)
 
 
 class FourierResponse:
@@ -72,8 +79,6 @@ class FourierResponse:
         return (1.0 if frequency == 0 or 2 * frequency == n else 2.0) / n * (drive @ self.transfer.fields[frequency])
 
     def _field(self, drive: np.ndarray, sample: int) -> np.ndarray | None:
-        if self.transfer.fields is None:
-            return None
         n, k = self.window.samples, np.arange(len(drive))
         weight = np.where((k == 0) | (2 * k == n), 1.0, 2.0) / n * np.exp(2j * np.pi * (k * sample % n) / n)
-        return np.real(np.einsum("fj,fjn->n", weight[:, None] * drive, self.transfer.fields))
+        return self.transfer.field(weight[:, None] * drive)

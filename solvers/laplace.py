@@ -37,7 +37,6 @@ from solvers.newmark import State, balance_acceleration, load_scale, load_values
 from solvers.parameters import Scheme
 from solvers.spectra import second_differences
 from solvers.sweep import Transfer, sweep
-from solvers.watch import Watch
 
 
 @dataclass(frozen=True)
@@ -130,14 +129,14 @@ def laplace_run(
     *,
     every: int = 1,
     exact_uplift: bool = True,
-    groups: int | None = None,
-    watch: Watch | None = None,
+    solve: Callable[..., Transfer] = sweep,
+    **how: Any,
 ) -> LaplaceRun:
     """Sweep and march `steps` steps of `step` s from the state of rest `start` (collective).
 
     Every `every`-th step is archived. Without `exact_uplift` every contact stays bonded. `start` must be the static answer
-    to the static loads, or zero with all of them set upon it at time 0; its velocity is taken as zero. `groups` and `watch` are those
-    of `solvers.sweep.sweep`.
+    to the static loads, or zero with all of them set upon it at time 0; its velocity is taken as zero. `solve` makes the sweep, called
+    as `solvers.sweep.sweep` is: the direct one, or one in a basis; `how` holds further arguments of it, such as `groups` and `watch`.
     """
     circle = Circle(scheme, step, steps)
     times = step * np.arange(steps + 1)
@@ -151,9 +150,7 @@ def laplace_run(
     if sudden:
         more.append(_initial_damping(operators, start, values[0], step))
     begin = time.perf_counter()
-    transfer = sweep(
-        operators, circle.first, circle.second, more=tuple(more), prefix="laplace_", what="Laplace sweep", groups=groups, watch=watch
-    )
+    transfer = solve(operators, circle.first, circle.second, more=tuple(more), prefix="laplace_", what="Laplace sweep", **how)
     for vector in more:
         vector.destroy()
 
@@ -240,10 +237,8 @@ def _history(
 
 def _field(circle: Circle, transfer: Transfer, drive: np.ndarray, rest: np.ndarray, n: int) -> np.ndarray | None:
     """Return this rank's part of the solution at step `n`, by the sum over the points."""
-    if transfer.fields is None:
-        return None
     k = np.arange(len(circle.points))
     weight = np.where((k == 0) | (2 * k == circle.length), 1.0, 2.0) / circle.length / circle.radius**n
     weight = weight * np.exp(2j * np.pi * (k * n % circle.length) / circle.length)
-    columns = (weight[:, None] * drive).reshape(-1)
-    return rest + np.real(columns @ transfer.fields.reshape(len(columns), -1))
+    moved = transfer.field(weight[:, None] * drive)
+    return None if moved is None else rest + moved

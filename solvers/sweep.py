@@ -44,6 +44,12 @@ class Transfer:
     factor_seconds: float
     solve_seconds: float
 
+    def field(self, weights: np.ndarray) -> np.ndarray | None:
+        """Return this rank's part (n_local,) of the real part of the sum of all solutions times `weights` (n_points, n_columns)."""
+        if self.fields is None:
+            return None
+        return np.real(weights.reshape(-1) @ self.fields.reshape(weights.size, -1))
+
 
 def sweep(
     operators: Operators,

@@ -1,0 +1,175 @@
+"""The Krylov basis against dense algebra in all dofs, and runs in it against the full runs."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from drivers.analysis import prepare
+from drivers.cost import refined
+from meshes.checked import ModelError
+from solvers import reduced
+from solvers.errors import SolverError
+from solvers.harmonic import harmonic_sweep
+from solvers.krylov import inside_contacts, krylov_basis, spring_forces
+from solvers.laplace import laplace_run
+from solvers.newmark import Newmark, at_rest, static_state, transient
+from solvers.parameters import KrylovSettings, Scheme, hilber_hughes_taylor
+from solvers.reduced_sweep import ReducedSweep
+from tests import oscillator
+from tests.small import dense_operators, to_dense
+
+pytestmark = pytest.mark.both
+
+
+def relative(here, there):
+    return np.max(np.abs(here - there)) / np.max(np.abs(there))
+
+
+def with_support(scene, **changes):
+    return replace(scene, model=replace(scene.model, supports=(replace(scene.model.supports[0], **changes),)))
+
+
+def dense_forces(operators):
+    """Loads and unit release forces as columns, whole."""
+    own = np.column_stack([*(np.real(load.vector.array_r) for load in operators.loads), operators.contacts.push.toarray()])
+    return np.concatenate(operators.comm.allgather(own))
+
+
+@pytest.mark.parametrize(("tolerance", "shift"), [(1e-2, 0.0), (1e-4, 0.0), (1e-4, 500.0), (1e-6, 0.0)])
+def test_estimate_follows_the_error(sdls119a, comm, tolerance, shift):
+    """In the norm of the energy, for every column, over frequencies that are neither built nor tested with."""
+    with prepare(refined(sdls119a, 2), comm) as plant:
+        operators = plant.operators
+        K, M, C = (np.real(to_dense(a)) for a in (operators.stiffness, operators.mass, operators.damping))
+        basis = krylov_basis(operators, KrylovSettings(tolerance=tolerance, shift=shift))
+        V, B = np.concatenate(comm.allgather(basis.vectors)), dense_forces(operators)
+    growth = basis.growth
+    assert basis.size < 0.3 * len(K)
+    assert V.T @ M @ V == pytest.approx(np.eye(basis.size), abs=1e-11)
+    A = K + shift * M
+    size = np.sqrt(np.einsum("ij,ij->j", B, np.linalg.solve(A, B)))
+
+    def exact(omega):
+        dynamic = K + 1j * omega * C - omega**2 * M
+        inside = V @ np.linalg.solve(V.T @ dynamic @ V, V.T @ B)
+        rest = B - dynamic @ inside
+        difference = np.linalg.solve(dynamic, B) - inside
+        dual, energy = (np.sqrt(np.real(np.einsum("ij,ij->j", a.conj(), b))) for a, b in (
+            (rest, np.linalg.solve(A, rest)), (difference, A @ difference)))
+        return dual / size, energy / size
+
+    for frequency, value in growth.checked:
+        # Random combinations of the columns are as large as their root sum of squares in the mean square.
+        there = np.linalg.norm(exact(2 * np.pi * frequency)[0])
+        # Round-off of the dense product with entries of 1e15 N/m, seen as the value at frequencies near 0.
+        assert 0.3 * there < value + 1e-7 and value < 3 * there + 1e-7
+    assert growth.estimate <= tolerance
+    errors = [np.max(exact(2 * np.pi * f)[1]) for f in np.linspace(0.3, 25.0, 15)]
+    assert growth.estimate / 300 < max(errors) < 10 * growth.estimate + 1e-7
+
+
+def full_and_reduced(scene, comm, settings, scheme=None, step=0.005, steps=600):
+    scheme = scheme or Scheme()
+    with prepare(scene, comm) as plant, static_state(plant.operators, exact_uplift=True) as start:
+        operators = plant.operators
+        with Newmark(operators, scheme, step, exact_uplift=True) as method:
+            full = transient(method, start, steps)
+        model = reduced.project(operators, krylov_basis(operators, settings))
+        rest = reduced.static_state(model, exact_uplift=True)
+        marched = reduced.march(model, scheme, step, steps, start=rest, exact_uplift=True).history(model)
+        swept = laplace_run(operators, scheme, step, steps, start, solve=ReducedSweep(model)).history
+    assert np.max(full.release) > 0
+    return full, marched, swept
+
+
+CASES = {
+    "reference": {},
+    "gap": {"gap": 0.005},
+    "massless joints": {"mass": 0.0},
+    "heavy joints": {"mass": 1.0},
+    "soft sideways": {"stiffness": (3e7, 1e8)},
+    "stiff sideways": {"stiffness": (1e11, 1e8)},
+    "released sideways": {"sideways": "released", "contact": (1e10, 1e15)},
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_uplift_in_the_basis_equals_uplift_in_all_dofs(sdls119a, comm, name):
+    scene = with_support(refined(sdls119a, 2), **CASES[name])
+    full, marched, swept = full_and_reduced(scene, comm, KrylovSettings(tolerance=1e-6))
+    for here in (marched, swept):
+        assert relative(here.probes, full.probes) < 1e-6
+        assert relative(here.release[:, :5], full.release[:, :5]) < 5e-6
+    assert here.peak == full.peak
+    assert relative(here.peak_field, full.peak_field) < 1e-6
+
+
+def test_dissipative_scheme(sdls119a, comm):
+    full, marched, swept = full_and_reduced(refined(sdls119a, 2), comm, KrylovSettings(tolerance=1e-6), hilber_hughes_taylor(0.1))
+    assert relative(marched.probes, full.probes) < 1e-6
+    assert relative(swept.probes, full.probes) < 1e-6
+
+
+@pytest.mark.serial
+def test_a_small_space_is_used_up():
+    """Two dofs, one load: two vectors are all there are, and the answer is the closed form."""
+    loads = [(oscillator.FORCE, np.ones_like, False)]
+    with dense_operators(oscillator.STIFFNESS, oscillator.MASS, oscillator.DAMPING, loads) as operators:
+        basis = krylov_basis(operators, KrylovSettings(tolerance=1e-12, band=2.0))
+        here = harmonic_sweep(operators, np.array([0.0, 3.0, 7.0]), ReducedSweep(reduced.project(operators, basis)))
+    assert basis.size == 2
+    for omega, answer in zip((0.0, 3.0, 7.0), here.probes[:, :, 0], strict=True):
+        assert answer == pytest.approx(oscillator.frequency_response(omega), rel=1e-11)
+
+
+@pytest.mark.serial
+def test_sudden_load_and_further_columns():
+    loads = [(oscillator.FORCE, np.ones_like, False)]
+    with dense_operators(oscillator.STIFFNESS, oscillator.MASS, oscillator.DAMPING, loads) as operators, at_rest(operators) as start:
+        model = reduced.project(operators, krylov_basis(operators, KrylovSettings(tolerance=1e-10, band=2.0)))
+        with Newmark(operators, Scheme(), 0.02) as method:
+            stepped = transient(method, start, 300)
+        run = laplace_run(operators, Scheme(), 0.02, 300, start, solve=ReducedSweep(model))
+    assert relative(run.history.probes, stepped.probes) < 1e-9
+
+
+@pytest.mark.serial
+def test_what_cannot_be_reached_is_said():
+    free = np.array([[20.0, -20.0], [-20.0, 20.0]])
+    loads = [(oscillator.FORCE, np.ones_like, False)]
+    with dense_operators(free, oscillator.MASS, None, loads) as operators:
+        basis = krylov_basis(operators, KrylovSettings(tolerance=1e-10, band=1.0, shift=3.0))
+        assert basis.size == 2
+    nothing = pytest.raises(SolverError, match="nothing to start from")
+    with dense_operators(oscillator.STIFFNESS, oscillator.MASS) as operators, nothing:
+        krylov_basis(operators, KrylovSettings())
+    with pytest.raises(ModelError, match="tolerance"):
+        KrylovSettings(tolerance=2.0)
+
+
+def test_too_few_blocks(sdls119a, comm):
+    with prepare(refined(sdls119a, 2), comm) as plant, pytest.raises(SolverError, match=r"residual of .* \(tolerance 1e-09\) and 3 blocks"):
+        krylov_basis(plant.operators, KrylovSettings(tolerance=1e-9, blocks=3))
+
+
+@pytest.mark.serial
+def test_springs_are_found(sdls119a, comm):
+    """Joints of 1e15 and 1e15 N/m in series sideways, plain springs of 1 N/m, and the inside of the joints that can open."""
+    with prepare(sdls119a, comm) as plant:
+        rows, stiffness = spring_forces(plant.operators)
+        inside = inside_contacts(plant.operators)
+        kept = plant.operators.bonded_springs.diagonal()[rows]
+        elongation = plant.operators.contacts.elongation.local
+    assert sorted(stiffness) == pytest.approx([1.0] * 2 + [5e14] * 5)
+    assert np.all(kept > 0)
+    assert sorted(inside) == sorted(elongation.indices)
+
+
+def test_stiff_directions_do_not_spoil_soft_ones(sdls119a, comm):
+    """Scaled to a unit diagonal, the projected stiffness is well conditioned though its entries span twelve decades."""
+    with prepare(refined(sdls119a, 2), comm) as plant:
+        stiffness = krylov_basis(plant.operators, KrylovSettings(tolerance=1e-6)).projected.stiffness
+    size = np.sqrt(np.diag(stiffness))
+    assert np.max(size) > 1e5 * np.min(size)
+    assert np.linalg.eigvalsh(stiffness / np.outer(size, size))[0] > 1e-4
