@@ -81,6 +81,12 @@ def _start_state(plant: Plant, *, exact_uplift: bool) -> State:
     return settled_state(plant.operators, scheme, settling.step, settling.steps, exact_uplift=exact_uplift)
 
 
+def warn_unsettled(away: float) -> None:
+    """Say how far from rest, relative to its displacements, the settling steps have ended, if that is far."""
+    if away > SETTLED:
+        log.warning("the settling steps end %.1e (relative) away from the state of rest: more of them, or start = 'static'", away)
+
+
 class LiftedShare:
     """Collects the lifted share of the area at the archived instants that the scene asks for."""
 
@@ -133,8 +139,7 @@ def _transient(plant: Plant, request: Request, film: Film | None, watch: Watch |
         if settings.start == "settled" and exact:
             with static_state(plant.operators, exact_uplift=True) as static:
                 away = _unsettled(plant, static)
-            if away > SETTLED:
-                log.warning("the settling steps end %.1e (relative) away from the state of rest: more of them, or start = 'static'", away)
+            warn_unsettled(away)
         share = LiftedShare(plant, settings.archived)
         ledger = plant.operators.n <= LEDGER_DOFS
         observer = _Audience(plant, share, film) if film is not None or share.rows.any() else None

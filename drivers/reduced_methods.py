@@ -10,7 +10,7 @@ import numpy as np
 
 from drivers.analysis import Analysis, Plant
 from drivers.film import Film
-from drivers.methods import SETTLED, LiftedShare, film_at, run_passes
+from drivers.methods import SETTLED, LiftedShare, film_at, run_passes, warn_unsettled
 from drivers.request import Request
 from drivers.scene import Scene, Transient
 from meshes.checked import ModelError
@@ -98,7 +98,17 @@ def start_in_basis(settings: Transient, model: reduced.ReducedModel, *, exact_up
         return reduced.static_state(model, exact_uplift=exact_uplift)
     settling = settings.settling
     scheme = Scheme(settling.beta, settling.gamma)
-    return reduced.settled_state(model, scheme, settling.step, settling.steps, exact_uplift=exact_uplift)
+    state = reduced.settled_state(model, scheme, settling.step, settling.steps, exact_uplift=exact_uplift)
+    if exact_uplift:
+        warn_unsettled(_away(state, reduced.static_state(model, exact_uplift=True)))
+    return state
+
+
+def _away(settled: reduced.ReducedState, static: reduced.ReducedState) -> float:
+    """Return how far a state is from the state of rest, relative to that."""
+    away = np.linalg.norm(settled.displacement - static.displacement) + np.linalg.norm(settled.velocity)
+    size = np.linalg.norm(static.displacement)
+    return float(away / size) if size > 0 else float(away > 0)
 
 
 def march_in_basis(
@@ -153,9 +163,7 @@ def _laplace(plant: Plant, model: reduced.ReducedModel, notes: dict[str, Any], f
 def _rest(model: reduced.ReducedModel, settled: reduced.ReducedState) -> reduced.ReducedState:
     """Return the state of rest that the settling steps come to. Raises `ModelError` if they end in motion."""
     static = reduced.static_state(model, exact_uplift=True)
-    size = np.linalg.norm(static.displacement)
-    away = np.linalg.norm(settled.displacement - static.displacement) + np.linalg.norm(settled.velocity)
-    if away > SETTLED * size:
+    if _away(settled, static) > SETTLED:
         words = "the sweep starts from a state of rest, and the settling steps end in motion; set start = 'static'"
         raise ModelError("transient.start", words)
     return static

@@ -39,7 +39,7 @@ from solvers.reduced import DEPENDENT, Basis, Projected, apply, inner, solve_def
 
 log = logging.getLogger(__name__)
 
-DEPENDENT_GRAM = 1e-14
+DEPENDENT_GRAM = 1e-12
 """Directions of a block below this eigenvalue of its scaled Gram matrix are round-off."""
 
 NEARLY = 1e-3

@@ -58,13 +58,15 @@ def rows_of(path):
 def test_a_study_gives_the_extremes_of_its_runs(tmp_path):
     out = tmp_path / "study"
     vary = ["--vary", "load.amplitude=1:4:2", "--vary", "supports.RESS.gap=0,0.004"]
-    done = drivers("study", SCENE, *vary, "--out", out, python=WARNINGS_ARE_ERRORS)
+    # Ten settling steps do not bring a plate to rest that has to fall onto its supports first.
+    text = SCENE.read_text(encoding="utf-8").replace('start = "settled"', 'start = "static"')
+    (tmp_path / "static.toml").write_text(text, encoding="utf-8")
+    done = drivers("study", tmp_path / "static.toml", *vary, "--out", out, python=WARNINGS_ARE_ERRORS)
     assert done.returncode == 0, done.stderr
     assert "4 cases on 1 bases" in done.stdout
     assert sorted(p.name for p in out.iterdir()) == ["study.csv", "study.png", "summary.json"]
     rows = rows_of(out / "study.csv")
     assert [(float(r["load.amplitude"]), float(r["supports.RESS.gap"])) for r in rows] == [(1, 0), (1, 0.004), (4, 0), (4, 0.004)]
-    text = SCENE.read_text(encoding="utf-8")
     text = text.replace("amplitude = 2.2408445351690323", "amplitude = 4.0").replace('name = "RESS"', 'name = "RESS"\ngap = 0.004')
     (tmp_path / "case.toml").write_text(text, encoding="utf-8")
     assert drivers("run", tmp_path / "case.toml", "--no-plots", "--quiet", "--out", tmp_path / "run").returncode == 0
