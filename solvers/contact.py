@@ -82,6 +82,10 @@ class ContactProblem:
             if patience < -20 * (n_c + 10):
                 raise SolverError("the open contacts of a time step cannot be found")
 
+    def shift(self, least: np.ndarray) -> np.ndarray:
+        """Return what release forces `least` (n_c,) N of the normal channels add to the net tensions (n_channels,) N of the contacts."""
+        return self._less_one[:, : self.law.n_contacts] @ least
+
     def _for_set(self, open_: np.ndarray, tension: np.ndarray, before: np.ndarray) -> np.ndarray:
         """Return the release forces if just the contacts `open_` (n_c,) are open."""
         n_c = self.law.n_contacts
