@@ -241,7 +241,7 @@ def _fourier(plant: Plant, request: Request, film: Film | None, groups: int | No
                 film.note_amplitude(float(window.frequencies[strongest]), amplitudes)
         cut, folded = shares_beyond(plant.operators, window)
         left = response.left_over(passes.final)
-    if left > WRAPPED:
+    if left > WRAPPED and passes.ended not in ("diverged", "not converged"):  # else it is no response
         log.warning("wrap-around: %.1g of the largest response is left at the end of the window and acts on its start: lengthen it", left)
     if folded > LOST:
         log.warning("aliasing: %.1g of the load's energy is above half the sampling rate and comes back lower: sample finer", folded)
