@@ -11,13 +11,25 @@ from drivers.output import all_or_nothing, writable_folder
 from drivers.runtime import say
 from drivers.scene import read_scene
 from drivers.stability_bench import Bench, Finding
-from drivers.stability_cases import Case, amplitudes, joints, materials, meshes, numbers, penalties, static_cases, steps, supports
+from drivers.stability_cases import (
+    Case,
+    amplitudes,
+    joints,
+    materials,
+    meshes,
+    numbers,
+    penalties,
+    static_cases,
+    steps,
+    supports,
+    thin_plates,
+)
 from drivers.stability_page import Row, csv_text, page
 from drivers.stability_refusals import methods, refusals, windows
 from meshes.checked import ModelError
 from solvers.errors import SolverError
 
-GROUPS = (penalties, supports, materials, steps, amplitudes, numbers, joints, meshes, static_cases, methods, windows, refusals)
+GROUPS = (penalties, supports, materials, thin_plates, steps, amplitudes, numbers, joints, meshes, static_cases, methods, windows, refusals)
 
 
 def stability(comm: Any, scene: Path, out: Path, *, quick: bool, quiet: bool) -> bool:

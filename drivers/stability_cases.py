@@ -356,6 +356,23 @@ def meshes() -> list[Case]:
     return cases
 
 
+def thin_plates() -> list[Case]:
+    """Return the cases of bending, from the thinnest plate to one as thick as its span."""
+    return [
+        Case(
+            "Thin plates that are bent",
+            f"bent, thickness / span {ratio:g}",
+            "first frequency of a square plate of 8 x 8 cells on hard simple supports against the closed form of Mindlin's plate, which tends "
+            "to Kirchhoff's where it is thin; an element that locks would be too stiff there, by the square of span over thickness",
+            partial(laws.bent, ratio=ratio),
+            1e-3,
+            "the mesh: (pi / 8)^4 x 1/24",
+            quick=ratio == 1e-5,
+        )
+        for ratio in (1e-5, 1e-4, 1e-3, 1e-2, 0.1, 1.0)
+    ]
+
+
 def joints() -> list[Case]:
     """Return the cases of point masses on the joints."""
     group = "Point masses on the joints"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -12,13 +13,20 @@ import scipy.linalg
 from drivers.analysis import prepare
 from drivers.methods import analyse
 from drivers.request import Request
-from drivers.stability_bench import Bench, Finding, contact_forces, relative, warnings
+from drivers.scene import build_scene
+from drivers.stability_bench import Bench, Finding, condition, contact_forces, relative, warnings
 from drivers.stability_oracle import EXTENDED, DensePlate
+from drivers.survey_cases import varied
+from forms.operators import Operators
 from solvers.errors import SolverError
+from solvers.linear import DirectSolver
 from solvers.newmark import Newmark, static_state, transient
 
 SUDDEN = {"load.start": 0.0, "load.center": 0.0, "load.table_step": None, "load.table_digits": None}
 """The pulse begins at time 0 with its trough."""
+
+SPAN, HARD = 10.0, ("DBAS", "DDRO", "DHAU", "DGAU")
+"""Side in m of the square plate that is bent, and its edges."""
 
 MANY = 100_000
 """Steps of the case of drift."""
@@ -119,6 +127,62 @@ def falling(bench: Bench, changes: dict[str, Any]) -> Finding:
     velocity = np.concatenate([[0.0], np.cumsum(0.5 * step * (pushed[1:] + pushed[:-1]))])
     there = np.concatenate([[0.0], np.cumsum(step * velocity[:-1] + 0.25 * step**2 * (pushed[1:] + pushed[:-1]))])
     return Finding(relative(history.probes, np.column_stack([there, down])))
+
+
+def bent(bench: Bench, ratio: float) -> Finding:
+    """Compare the first frequency of a simply supported square plate of this thickness over span with Mindlin's plate, by its sines."""
+    plate = {"young": 2.1e11, "poisson": 0.3, "density": 7850.0, "thickness": ratio * SPAN}
+    scene = {
+        "mesh": {"width": SPAN, "height": SPAN, "nx": 8, "ny": 8},
+        "kinematics": {"kind": "bending", "rotary_inertia": True},
+        "plate": plate,
+        "conditions": [{"group": edge, "edge": "hard"} for edge in HARD],
+        "probes": [{"name": "MIDDLE", "point": [SPAN / 2, SPAN / 2]}],
+        "transient": {"step": 0.01, "duration": 1.0},
+    }
+    with prepare(build_scene(varied(scene, bench.fault), bench.folder), bench.comm) as plant:
+        here = first_frequency(plant.operators)
+        scaled = condition(plant.operators.stiffness, scaled=True)
+    there = mindlin(**plate)
+    kirchhoff = math.pi * math.sqrt(plate["young"] * plate["thickness"] ** 2 / (12 * 0.91 * plate["density"])) / SPAN**2
+    note = f"{here:.6g} Hz, thin-plate theory {kirchhoff:.6g} Hz; scaled condition of the stiffness 1e{math.log10(scaled):.0f}"
+    return Finding(abs(here / there - 1), note)
+
+
+def first_frequency(operators: Operators) -> float:
+    """Return the first frequency in Hz by inverse iteration, whose digits are those of static solutions."""
+    x, y, z = (operators.new_vector() for _ in range(3))
+    x.set(1.0)
+    squared = 0.0
+    with DirectSolver(operators.stiffness, "inverse_", definite=True, what="inverse iteration") as solver:
+        for _ in range(20):
+            operators.mass.mult(x, z)
+            solver.solve(z, y, check=True)
+            reached = z.dot(y)
+            operators.mass.mult(y, z)
+            size = z.dot(y)
+            squared = abs(reached / size)
+            y.scale(1 / abs(size) ** 0.5)
+            y.copy(x)
+    for vector in (x, y, z):
+        vector.destroy()
+    return math.sqrt(squared) / (2 * math.pi)
+
+
+def mindlin(young: float, poisson: float, density: float, thickness: float) -> float:
+    """Return the first frequency in Hz of the hard simply supported square Mindlin plate with rotary inertia, shear correction 5/6.
+
+    The deflection goes with sin(k x) sin(k y), k = pi / span, the rotations with their derivatives: three equations for three amplitudes,
+    symmetric in X and Y, so that two are left for the first frequency. They are solved in units in which the bending stiffness is one.
+    """
+    k = math.pi / SPAN
+    stiff = young * thickness**3 / (12 * (1 - poisson**2))
+    shear = 5 / 6 * young * thickness / (2 * (1 + poisson))
+    # Rotations phi and deflection w with omega^2 = x: (D 2 k^2 + S - I x) phi = S w, (2 k^2 S - m x) w = 2 k^2 S phi, phi times k.
+    inertia, mass = density * thickness**3 / 12, density * thickness
+    a, b, c = inertia * mass, -(mass * (2 * k**2 * stiff + shear) + 2 * k**2 * shear * inertia), 4 * k**4 * stiff * shear
+    # The smaller root, in the form that subtracts no equal numbers.
+    return math.sqrt(2 * c / (-b + math.sqrt(b * b - 4 * a * c))) / (2 * math.pi)
 
 
 def slender(bench: Bench) -> Finding:

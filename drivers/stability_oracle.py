@@ -22,6 +22,7 @@ from drivers.scene import Scene
 from forms.material import Material
 from forms.signals import Signal
 from forms.supports import Support
+from meshes.plate import Plate
 from solvers.parameters import Scheme
 
 EXTENDED = np.longdouble
@@ -96,9 +97,10 @@ class DensePlate:
         """Assemble; `precision` is the type of all numbers, float for models of thousands of dofs."""
         plate, model = scene.plate, scene.model
         material = model.material
-        if plate.cell != "quadrilateral" or plate.degree != 1 or any(s.unilateral != "Y" or s.sideways != "bonded" for s in model.supports):
+        upwards = all(s.unilateral == "Y" and s.sideways == "bonded" for s in model.supports)
+        if not (isinstance(plate, Plate) and plate.cell == "quadrilateral" and plate.degree in (None, 1) and upwards):
             raise ValueError("the independent model knows quadrilaterals of degree 1 on supports that push up")
-        self.scene, self.type = scene, precision
+        self.plate, self.type = plate, precision
         nx, ny = plate.nx, plate.ny
         joints = [(support, point) for support in model.supports for point in support.points]
         nodes = (nx + 1) * (ny + 1)
@@ -153,8 +155,8 @@ class DensePlate:
         elif spring > 0 and contact > 0:
             self.stiffness[dof, dof] += 1 / (1 / spring + 1 / contact)
 
-    def _node(self, point: tuple[float, float]) -> int:
-        plate = self.scene.plate
+    def _node(self, point: tuple[float, ...]) -> int:
+        plate = self.plate
         i, j = point[0] / plate.width * plate.nx, point[1] / plate.height * plate.ny
         if max(abs(i - round(i)), abs(j - round(j))) > 1e-6:
             raise ValueError(f"no node at {point}")

@@ -136,6 +136,7 @@ def slightly(value):
         ("one element", {"plate__density": slightly}),
         ("one element, a rigid body on two springs", {"supports__stiffness__Y": lambda k: k * 1.001}),
         ("100000 kg under each contact", {"supports__mass": slightly}),
+        ("bent, thickness / span 1e-05", {"plate__young": lambda e: e * 1.01}),
     ],
 )
 def test_rows_fail_where_a_quantity_is_wrong(name, fault):
