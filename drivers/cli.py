@@ -190,6 +190,15 @@ def _parser() -> argparse.ArgumentParser:
     survey.add_argument("--quick", action="store_true", help="three cases only")
     survey.add_argument("--quiet", action="store_true", help="print errors only")
     survey.set_defaults(command=_survey)
+    stability = commands.add_parser(
+        "stability", help="stiff, extreme and ill-posed cases against independent oracles",
+        description="Drive the reference case to extremes, compare each run with an oracle that does not come from the solvers, and write "
+                    "a page and a CSV file beside it; exit code 1 if a case fails.",
+    )
+    stability.add_argument("--out", type=Path, default=Path("docs/stability.md"), metavar="FILE.md", help="default: %(default)s")
+    stability.add_argument("--quick", action="store_true", help="a dozen cases only")
+    stability.add_argument("--quiet", action="store_true", help="print errors only")
+    stability.set_defaults(command=_stability)
     return parser
 
 
@@ -432,6 +441,15 @@ def _survey(options: argparse.Namespace, begin: float) -> int:
         from drivers.survey import survey
 
         return 0 if survey(comm, options.scene, options.out, quick=options.quick, quiet=options.quiet) else FAILED
+
+
+def _stability(options: argparse.Namespace, begin: float) -> int:
+    runtime.choose_scalars("complex")
+    runtime.configure_log(quiet=True)
+    with runtime.parallel() as comm:
+        from drivers.stability import stability
+
+        return 0 if stability(comm, REFERENCE, options.out, quick=options.quick, quiet=options.quiet) else FAILED
 
 
 def _mesh(options: argparse.Namespace, begin: float) -> int:

@@ -27,6 +27,12 @@ FEW = 10
 SETTLED = 1e-6
 """Relative distance from the state of rest up to which a start counts as settled."""
 
+WRAPPED = 0.01
+"""Part of the largest response that may be left at the end of a window before the run warns of wrap-around."""
+
+LOST = 1e-4
+"""Share of a load's energy, 1 % in amplitude, that may lie above the band of a window before the run warns."""
+
 LEDGER_DOFS = 50_000
 """Up to this size the ledger of energies is kept, whose products of matrix and vector then cost less than the rest of a step."""
 
@@ -220,7 +226,7 @@ def _unsettled(plant: Plant, static: State) -> float:
 
 def _fourier(plant: Plant, request: Request, film: Film | None, groups: int | None, watch: Watch | None) -> Analysis:
     from solvers import fourier
-    from solvers.harmonic import FourierResponse, harmonic_sweep
+    from solvers.harmonic import FourierResponse, harmonic_sweep, shares_beyond
 
     window: Window | None = plant.scene.fourier
     assert window is not None
@@ -238,7 +244,21 @@ def _fourier(plant: Plant, request: Request, film: Film | None, groups: int | No
             amplitudes = response.amplitudes(acted, strongest)
             if amplitudes is not None:
                 film.note_amplitude(float(window.frequencies[strongest]), amplitudes)
-    return Analysis("time-frequency", passes, False, transform_check=check, notes={"frequencies": len(window.frequencies)})
+        cut, folded = shares_beyond(plant.operators, window)
+        left = response.left_over(passes.final)
+    if left > WRAPPED and passes.ended not in ("diverged", "not converged"):  # else it is no response
+        log.warning("wrap-around: %.1g of the largest response is left at the end of the window and acts on its start: lengthen it", left)
+    if folded > LOST:
+        log.warning("aliasing: %.1g of the load's energy is above half the sampling rate and comes back lower: sample finer", folded)
+    elif cut > LOST:
+        log.warning("%.1g of the load's energy lies above the cutoff of %g Hz and is missed: raise it", cut, window.cutoff)
+    notes = {
+        "frequencies": len(window.frequencies),
+        "response_left_at_end_of_window": left,
+        "load_energy_above_cutoff": cut,
+        "load_energy_above_nyquist": folded,
+    }
+    return Analysis("time-frequency", passes, False, transform_check=check, notes=notes)
 
 
 def _modal(plant: Plant, request: Request, film: Film | None) -> Analysis:

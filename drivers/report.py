@@ -62,7 +62,7 @@ def tables(plant: Plant, analysis: Analysis) -> dict[str, dict[str, np.ndarray]]
     result = {"history": columns}
     if contacts.names:
         force = contacts.law.compression(contacts.law.tension(history.elongation), history.release)
-        gap = contacts.law.gap(history.release)
+        gap = history.openings(contacts.law)
         result["contacts"] = {f"{name} force [N]": force[:, i] for i, name in enumerate(contacts.names)} | {
             f"{name} gap [m]": gap[:, i] for i, name in enumerate(contacts.names)
         }
@@ -72,7 +72,7 @@ def tables(plant: Plant, analysis: Analysis) -> dict[str, dict[str, np.ndarray]]
         named = [f"{name} [{'N m' if 'moment' in name else 'N'}]" for name in reactions.functionals.names]
         result["reactions"] = {name: history.reactions[:, i] for i, name in enumerate(named)}
         if contacts.names:
-            lifted = history.release[:, : contacts.law.n_contacts] > 0
+            lifted = history.openings(contacts.law) > 0
             result["reactions"][OPEN] = 100.0 * lifted.mean(axis=1)
     if history.ledger is not None:
         ledger = history.ledger
@@ -132,7 +132,7 @@ def _draw(plant: Plant, analysis: Analysis, folder: Path, mesh: WholeMesh | None
     if analysis.lifted is not None and np.sum(np.isfinite(analysis.lifted)) > FEW_INSTANTS:
         plots.draw_uplift(folder / "uplift.png", history.times, analysis.lifted, title)
     if mesh is not None and displacement is not None:
-        lifted = history.release[history.peak, : len(contacts.names)] > 0
+        lifted = history.openings(contacts.law)[history.peak] > 0
         if not analysis.exact:
             lifted = contacts.law.tension(history.elongation[history.peak])[: len(contacts.names)] > 0
         when = f"{title}, t = {history.times[history.peak]:g} s"

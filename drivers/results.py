@@ -199,8 +199,8 @@ def _motion(plant: Plant, analysis: Analysis) -> dict[str, Series]:
 def _contacts(plant: Plant, analysis: Analysis) -> dict[str, Series]:
     contacts, history = plant.operators.contacts, analysis.final
     tension = contacts.law.tension(history.elongation)
-    force, gap = contacts.law.compression(tension, history.release), contacts.law.gap(history.release)
-    lifted = history.release[:, : contacts.law.n_contacts] > 0
+    force, gap = contacts.law.compression(tension, history.release), history.openings(contacts.law)
+    lifted = gap > 0
     series = {
         "contacts/force": Series(contacts.names, "N", force, "Contact forces, compression positive"),
         "contacts/gap": Series(contacts.names, "m", gap, "Openings of the contacts, 0 where closed"),

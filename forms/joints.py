@@ -223,6 +223,7 @@ class Joints:
                 np.array([share * support.contact[axis] for support, share, axis in self.of]),
                 np.array([support.flexibility(axis) / share for support, share, axis in self.of]),
                 np.asarray(self.owner, dtype=int),
+                np.array([share * support.mass for support, share, _ in self.of]),
             ),
         )
 

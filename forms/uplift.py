@@ -17,17 +17,20 @@ class UpliftLaw:
     the place at which it landed: its release force then stays as it was. It follows the contact one time step behind.
     """
 
-    def __init__(self, stiffness: np.ndarray, flexibility: np.ndarray, owner: np.ndarray | None = None) -> None:
-        """Take three arrays: `stiffness` (n_channels,), `flexibility` and `owner`, each (n_channels,).
+    def __init__(
+        self, stiffness: np.ndarray, flexibility: np.ndarray, owner: np.ndarray | None = None, mass: np.ndarray | None = None
+    ) -> None:
+        """Take four arrays: `stiffness` (n_channels,), `flexibility`, `owner` and `mass`, each (n_channels,).
 
         Stiffness in N/m turns the elongations of bonded contacts into their forces; flexibility in m/N is that of the
         support as a whole, spring and contact in series; owner is the contact that each channel is part of (none given:
-        every channel is a contact).
+        every channel is a contact); mass in kg is that of the node between spring and contact (none given: zero).
         """
         self.stiffness = np.asarray(stiffness, dtype=float)
         self.flexibility = np.asarray(flexibility, dtype=float)
         n = len(self.stiffness)
         self.owner = np.arange(n) if owner is None else np.asarray(owner, dtype=int)
+        self.mass = np.zeros(n) if mass is None else np.asarray(mass, dtype=float)
         self.n_contacts = int(self.owner.max(initial=-1)) + 1
 
     @property

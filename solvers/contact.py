@@ -23,6 +23,7 @@ import numpy as np
 from scipy.linalg import lapack
 
 from forms.uplift import UpliftLaw
+from meshes.checked import ModelError
 from solvers.errors import SolverError
 
 
@@ -81,6 +82,10 @@ class ContactProblem:
             if patience < -20 * (n_c + 10):
                 raise SolverError("the open contacts of a time step cannot be found")
 
+    def shift(self, least: np.ndarray) -> np.ndarray:
+        """Return what release forces `least` (n_c,) N of the normal channels add to the net tensions (n_channels,) N of the contacts."""
+        return self._less_one[:, : self.law.n_contacts] @ least
+
     def _for_set(self, open_: np.ndarray, tension: np.ndarray, before: np.ndarray) -> np.ndarray:
         """Return the release forces if just the contacts `open_` (n_c,) are open."""
         n_c = self.law.n_contacts
@@ -114,11 +119,32 @@ STATIC_ROUNDS = 10
 def settled_release(problem: ContactProblem, tension: np.ndarray, scale: float) -> np.ndarray:
     """Return the release forces (n_channels,) N of a state that lasts, from the tensions (n_channels,) N of the bonded contacts.
 
-    `scale` in N is that of `ContactProblem.solve`.
+    `scale` in N is that of `ContactProblem.solve`. Raises `ModelError` if the loads lift or tip the structure off its contacts
+    and nothing else holds it.
     """
     release = np.zeros(problem.law.n_channels)
-    for _ in range(STATIC_ROUNDS):
-        before, release = release, problem.solve(tension, release, scale)
-        if np.array_equal(before > 0, release > 0):
-            break
+    try:
+        for _ in range(STATIC_ROUNDS):
+            before, release = release, problem.solve(tension, release, scale)
+            if np.array_equal(before > 0, release > 0):
+                break
+    except SolverError:
+        raise _not_held() from None
+    open_ = np.flatnonzero(release[: problem.law.n_contacts] > 0)
+    if open_.size:
+        # The smallest singular value is the stiffness that is left with these contacts open, as a part of theirs.
+        left = np.eye(open_.size) - problem.compliance[np.ix_(open_, open_)]
+        if np.linalg.svd(left, compute_uv=False)[-1] < HELD:
+            raise _not_held()
     return release
+
+
+HELD = 1e-12
+"""A structure that keeps less than this part of the stiffness of its open contacts is held by round-off."""
+
+
+def _not_held() -> ModelError:
+    return ModelError(
+        "supports", "the static loads lift or tip the plate off its supports, and nothing else holds it: it has no static state; "
+        "hold it by a spring, or let a transient run begin with start = 'rest'"
+    )

@@ -29,6 +29,34 @@ def harmonic_sweep(
     return solve(operators, 1j * omega, -(omega**2) + 0j, prefix="harmonic_", what="frequency sweep", **how)
 
 
+FINER = 8
+"""Loads are sampled so many times finer than the window to see what lies above its Nyquist frequency."""
+
+LAST = 0.05
+"""The last part of the window, where a response that has died out is at rest."""
+
+
+def shares_beyond(operators: Operators, window: Window) -> tuple[float, float]:
+    """Return the shares of the energy of the loads above the cutoff, and above the Nyquist frequency of the samples.
+
+    The first part of a load is lost to the response, the second comes back at wrong frequencies (aliasing). The energy is the
+    integral of the square of a load's history over the window; the worst of the loads that are not static counts.
+    """
+    n = FINER * window.samples
+    times = window.length / n * np.arange(n)
+    worst = np.zeros(2)
+    for load in operators.loads:
+        if load.static:
+            continue
+        energy = np.abs(fourier.forward(load.history(times))) ** 2
+        energy[0] *= 0.5
+        whole = float(energy.sum())
+        if whole > 0:
+            ends = len(window.frequencies), window.samples // 2 + 1
+            worst = np.maximum(worst, [float(energy[end:].sum()) / whole for end in ends])
+    return float(worst[0]), float(worst[1])
+
+
 class FourierResponse:
     """The response of a window to the loads and to given release forces; every contact is bonded but for these."""
 
@@ -63,6 +91,19 @@ class FourierResponse:
         omega = 2 * np.pi * self.window.frequencies
         felt = fourier.inverse(-(omega[:, None] ** 2) * np.einsum("fpj,fj->fp", transfer.probes, drive), self.window.samples)
         return History(self.window.times, probes, elongation, acted, forces, peak, self._field(drive, peak), accelerations=felt)
+
+    def left_over(self, history: History) -> float:
+        """Return how far the probes are from rest in the last part of the window, relative to their farthest.
+
+        What has not died out there goes on at the beginning, because the response is periodic (wrap-around).
+        """
+        loads = self.operators.loads
+        static = np.array([float(load.history(np.zeros(1))[0]) if load.static else 0.0 for load in loads])
+        away = np.abs(history.probes - np.real(self.transfer.probes[0, :, : len(loads)] @ static))
+        farthest = float(np.max(away, initial=0.0))
+        last = away[int((1 - LAST) * len(away)) :]
+        moves = farthest > 1e-12 * float(np.max(np.abs(history.probes), initial=0.0))  # less is round-off of a state of rest
+        return float(np.max(last, initial=0.0)) / farthest if moves else 0.0
 
     def field(self, release: np.ndarray | None, sample: int) -> np.ndarray | None:
         """Return this rank's part (n_local,) m of the displacements at a sample, None where fields were not kept."""

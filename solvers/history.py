@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from forms.uplift import UpliftLaw
+
 
 @dataclass(frozen=True)
 class Ledger:
@@ -51,3 +53,9 @@ class History:
     accelerations: np.ndarray | None = None
     """(nt, n_probes) m/s2 of the probes, relative to the base: those of the time scheme, of the spectrum, or (from the Laplace points)
     second differences of the displacements at every step."""
+    gap: np.ndarray | None = None
+    """(nt, n_c) m, openings of the contacts where auxiliary nodes have masses that count; else they follow from the release forces."""
+
+    def openings(self, law: UpliftLaw) -> np.ndarray:
+        """Return the openings (nt, n_c) m of the contacts, zero where closed."""
+        return law.gap(self.release) if self.gap is None else self.gap

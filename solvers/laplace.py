@@ -33,6 +33,7 @@ from forms.operators import Operators
 from solvers.contact import ContactProblem
 from solvers.convolution import OnlineConvolution
 from solvers.history import History
+from solvers.joints import FreeNodes
 from solvers.newmark import State, balance_acceleration, load_scale, load_values, tensions
 from solvers.parameters import Scheme
 from solvers.spectra import second_differences
@@ -162,16 +163,16 @@ def laplace_run(
         drive[:, :n_loads] += circle.of_initial_load()[:, None] * values[0]
         drive[:, -1] = circle.of_initial_damping()
     release = np.tile(start.release, (steps + 1, 1))
-    tries = 0.0
+    tries, motions = 0.0, None
     if exact_uplift and n_channels:
-        release, tries = _march(operators, circle, transfer, drive, start)
+        release, motions, tries = _march(operators, circle, transfer, drive, start)
         drive[:, n_loads : n_loads + n_channels] = circle.forward(release - start.release)
     rest = np.real(start.displacement.array_r).copy()
 
     def field(row: int) -> np.ndarray | None:
         return _field(circle, transfer, drive, rest, row * every)
 
-    history = _history(operators, circle, transfer, drive, start, release, every)
+    history = _history(operators, circle, transfer, drive, start, release, motions, every)
     history = replace(history, peak_field=field(history.peak))
     seconds = time.perf_counter() - begin
     return LaplaceRun(history, len(circle.points), transfer.factor_seconds, sweep_seconds, seconds, tries, field)
@@ -192,8 +193,8 @@ def _initial_damping(operators: Operators, start: State, values: np.ndarray, ste
 
 def _march(
     operators: Operators, circle: Circle, transfer: Transfer, drive: np.ndarray, start: State
-) -> tuple[np.ndarray, float]:
-    """Return the release forces (steps + 1, n_channels) N and the number of contact problems tried per step."""
+) -> tuple[np.ndarray, np.ndarray | None, float]:
+    """Return the release forces (steps + 1, n_channels) N, the motion of nodes with mass, and the contact problems tried per step."""
     law = operators.contacts.law
     n_loads, n_channels = len(operators.loads), law.n_channels
     linear = law.tension(circle.inverse(np.einsum("fcj,fj->fc", transfer.elongation, drive))) + tensions(operators, start.displacement)
@@ -201,19 +202,31 @@ def _march(
     problem = ContactProblem(law, kernel[0])
     release = np.tile(start.release, (circle.steps + 1, 1))
     scale = load_scale(operators, load_values(operators, circle.step * np.arange(circle.steps + 1)))
+    nodes = FreeNodes(law, circle.step)
+    motions = np.repeat(nodes.still(start.release)[:, None], circle.steps + 1, axis=1) if nodes.any else None
 
     def step(n: int, past: np.ndarray) -> np.ndarray:
         if n > 0:
             tension = linear[n] + past - kernel[0] @ start.release
-            release[n] = problem.solve(tension, release[n - 1], scale)
+            if motions is None:
+                release[n] = problem.solve(tension, release[n - 1], scale)
+            else:
+                release[n], motions[:, n] = nodes.solve(problem, tension, release[n - 1], motions[:, n - 1], scale)
         return release[n] - start.release
 
     OnlineConvolution(kernel).run(step)
-    return release, problem.tries / max(problem.solved, 1)
+    return release, motions, problem.tries / max(problem.solved, 1)
 
 
 def _history(
-    operators: Operators, circle: Circle, transfer: Transfer, drive: np.ndarray, start: State, release: np.ndarray, every: int
+    operators: Operators,
+    circle: Circle,
+    transfer: Transfer,
+    drive: np.ndarray,
+    start: State,
+    release: np.ndarray,
+    motions: np.ndarray | None,
+    every: int,
 ) -> History:
     here = np.real(start.displacement.array_r)
     observed = [operators.probes, operators.contacts.elongation]
@@ -229,10 +242,14 @@ def _history(
     values = [part[::every] for part in whole]
     archived = release[::every]
     probes, elongation = values[:2]
-    reactions = operators.reactions.values(values[2], archived) if operators.reactions is not None else np.zeros((len(archived), 0))
+    standing, gap = archived, None
+    if motions is not None:
+        nodes = FreeNodes(operators.contacts.law, circle.step)
+        standing, gap = nodes.on_ground(archived, motions[:, ::every]), nodes.gap(motions[:, ::every])
+    reactions = operators.reactions.values(values[2], standing) if operators.reactions is not None else np.zeros((len(archived), 0))
     peak = int(np.argmax(np.max(np.abs(probes), axis=1))) if probes.size else 0
     times = circle.step * np.arange(0, circle.steps + 1, every)
-    return History(times, probes, elongation, archived, reactions, peak, accelerations=felt)
+    return History(times, probes, elongation, archived, reactions, peak, accelerations=felt, gap=gap)
 
 
 def _field(circle: Circle, transfer: Transfer, drive: np.ndarray, rest: np.ndarray, n: int) -> np.ndarray | None:

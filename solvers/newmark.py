@@ -29,6 +29,7 @@ from forms.operators import Operators
 from solvers.contact import ContactProblem, settled_release
 from solvers.energy import EnergyMeter
 from solvers.history import History
+from solvers.joints import FreeNodes
 from solvers.linear import SMALL, DirectSolver
 from solvers.parameters import Scheme
 from solvers.record import KeptMarch, Observer, Record
@@ -52,10 +53,13 @@ class State:
     acceleration: Any
     release: np.ndarray
     """(n_channels,) N."""
+    nodes: np.ndarray | None = None
+    """(4, n_c): the motion of auxiliary nodes with mass, see `solvers.joints`; None: at rest, or without mass."""
 
     def copy(self) -> State:
         """Return an independent copy."""
-        return State(self.displacement.copy(), self.velocity.copy(), self.acceleration.copy(), self.release.copy())
+        vectors = self.displacement.copy(), self.velocity.copy(), self.acceleration.copy()
+        return State(*vectors, self.release.copy(), None if self.nodes is None else self.nodes.copy())
 
     def __enter__(self) -> State:
         """Return itself."""
@@ -144,6 +148,7 @@ class Newmark:
         self._steps = 0
         self.load_scale = 0.0
         """Forces below 1e-12 of this, in N, are round-off to the contacts."""
+        self.nodes = FreeNodes(operators.contacts.law, step)
         self.compliance: ContactCompliance | None = None
         if exact_uplift and operators.contacts.law.n_channels:
             # A release force r1 acts as (1 - alpha_f) r1 at the instant of balance and moves the contacts by beta dt^2 a1.
@@ -216,7 +221,11 @@ class Newmark:
         assert compliance is not None
         elongation = self.operators.contacts.elongation
         tension = elongation.total(compliance.pull @ np.real(state.displacement.array_r))
-        state.release = compliance.problem.solve(tension, before, self.load_scale)
+        if self.nodes.any:
+            motion = self.nodes.still(before) if state.nodes is None else state.nodes
+            state.release, state.nodes = self.nodes.solve(compliance.problem, tension, before, motion, self.load_scale)
+        else:
+            state.release = compliance.problem.solve(tension, before, self.load_scale)
         if state.release.any():
             acting = np.flatnonzero(state.release) if len(state.release) > FEW else slice(None)
             self._work.array[:] = ((1 - scheme.alpha_f) * state.release[acting]) @ compliance.answers[acting]
@@ -324,8 +333,9 @@ def transient(
 
     Every `every`-th step is archived. `release` (n_archived, n_channels) N are release forces known at the archived instants
     and interpolated linearly between them; without them uplift is exact, or left out, as `method` was made. `energy`
-    keeps the ledger of energies, at three products of a matrix and a vector a step. `observer` is shown the archived
-    displacements. `watch` shows the progress and keeps checkpoints, from which the same march goes on to the same bits on as many ranks.
+    keeps the ledger of energies, at three products of a matrix and a vector a step, unless auxiliary nodes have masses that count,
+    whose energy it does not know. `observer` is shown the archived displacements. `watch` shows the progress and keeps checkpoints, from
+    which the same march goes on to the same bits on as many ranks.
     """
     operators = method.operators
     times = method.step * np.arange(steps + 1)
@@ -335,7 +345,8 @@ def transient(
     given = None
     if release is not None:
         given = np.stack([np.interp(times, archived, column) for column in release.T], axis=1)
-    record = Record(operators, len(archived), EnergyMeter(operators) if energy else None, observer)
+    heavy = method.nodes if method.nodes.any and method.compliance is not None and given is None else None
+    record = Record(operators, len(archived), EnergyMeter(operators) if energy and heavy is None else None, observer, heavy)
     with start.copy() as state:
         problem = method.compliance.problem if method.compliance is not None else None
         kept = KeptMarch(watch, operators.comm, problem, state, record)

@@ -11,6 +11,7 @@ from forms.operators import Operators
 from solvers.contact import ContactProblem
 from solvers.energy import EnergyMeter
 from solvers.history import History
+from solvers.joints import FreeNodes
 from solvers.watch import Watch
 
 if TYPE_CHECKING:
@@ -33,8 +34,15 @@ class Observer(Protocol):
 class Record:
     """What a march archives."""
 
-    def __init__(self, operators: Operators, n_archived: int, meter: EnergyMeter | None, observer: Observer | None) -> None:
-        """Make room for `n_archived` instants."""
+    def __init__(
+        self,
+        operators: Operators,
+        n_archived: int,
+        meter: EnergyMeter | None,
+        observer: Observer | None,
+        nodes: FreeNodes | None = None,
+    ) -> None:
+        """Make room for `n_archived` instants; `nodes` are those of auxiliary nodes with masses that count."""
         self.meter = meter
         self.observer = observer
         self._operators = operators
@@ -48,6 +56,9 @@ class Record:
         self.felt = np.zeros((n_archived, self._n_probes))
         """This rank's shares of the probes' accelerations."""
         self.acted = np.zeros((n_archived, operators.contacts.law.n_channels))
+        self._nodes = nodes
+        self.moved = np.zeros((4, n_archived if nodes is not None else 0, operators.contacts.law.n_contacts))
+        """Motions of auxiliary nodes with masses that count, see `solvers.joints`."""
         self.farthest, self.peak = -1.0, 0
         self.peak_field = np.zeros(operators.n_local)
 
@@ -61,6 +72,8 @@ class Record:
         self.seen[row] = self._looks @ here
         self.felt[row] = self._operators.probes.partial(np.real(state.acceleration.array_r))
         self.acted[row] = state.release
+        if self._nodes is not None:
+            self.moved[:, row] = self._nodes.still(state.release) if state.nodes is None else state.nodes
         if self.observer is not None:
             self.observer.watch(row, here)
         reach = np.max(np.abs(self._operators.probes.total(self.seen[row, : self._n_probes])), initial=0.0)
@@ -73,10 +86,12 @@ class Record:
         reactions = self._operators.reactions
         ends = np.cumsum([len(functionals.names) for functionals in self._observed])
         probes, elongation, *resultants = np.split(self._operators.probes.total(self.seen), ends[:-1], axis=1)
-        forces = reactions.values(resultants[0], self.acted) if reactions is not None else np.zeros((len(archived), 0))
+        nodes = self._nodes
+        standing, gap = (self.acted, None) if nodes is None else (nodes.on_ground(self.acted, self.moved), nodes.gap(self.moved))
+        forces = reactions.values(resultants[0], standing) if reactions is not None else np.zeros((len(archived), 0))
         ledger = self.meter.ledger() if self.meter is not None else None
         felt = self._operators.probes.total(self.felt)
-        return History(archived, probes, elongation, self.acted, forces, self.peak, self.peak_field, ledger, felt)
+        return History(archived, probes, elongation, self.acted, forces, self.peak, self.peak_field, ledger, felt, gap)
 
 
 class KeptMarch:
@@ -99,6 +114,8 @@ class KeptMarch:
             "step": np.array(n),
             "release": state.release,
             "acted": record.acted,
+            "nodes": state.nodes if state.nodes is not None else np.zeros(0),
+            "moved": record.moved,
             "peak": np.array([record.farthest, record.peak]),
             "problems": np.array([problem.tries, problem.solved] if problem is not None else [0, 0]),
         }
@@ -128,7 +145,8 @@ class KeptMarch:
         large = {"seen", "felt", "observed", "filmed", "displacement", "velocity", "acceleration", "peak field"}
         small = self._comm.bcast({k: v for k, v in found.items() if k not in large})
         state.release = small["release"]
-        record.acted[:] = small["acted"]
+        state.nodes = small["nodes"] if small["nodes"].size else None
+        record.acted[:], record.moved[:] = small["acted"], small["moved"]
         record.farthest, record.peak = float(small["peak"][0]), int(small["peak"][1])
         if self._problem is not None:
             self._problem.tries, self._problem.solved = (int(v) for v in small["problems"])

@@ -25,6 +25,7 @@ from forms.uplift import UpliftLaw
 from solvers.contact import ContactProblem, settled_release
 from solvers.errors import SolverError
 from solvers.history import History
+from solvers.joints import FreeNodes
 from solvers.linear import DirectSolver
 from solvers.parameters import Scheme
 
@@ -253,7 +254,7 @@ def settled_state(
     """
     stepper = _Stepper(model, scheme, step, damped=False, exact_uplift=exact_uplift)
     values = np.repeat(model.load_values(np.zeros(1), static_only=True), steps + 1, axis=0)
-    motion, release = stepper.march(at_rest(model), values, every=steps)
+    motion, release, _ = stepper.march(at_rest(model), values, every=steps)
     return ReducedState(motion[-1, 0], motion[-1, 1] / step, release[-1])
 
 
@@ -271,6 +272,10 @@ class ReducedMarch:
     """(n_archived, n_channels) N, the release forces that acted."""
     accelerations: np.ndarray
     """(n_archived, m) 1/s2."""
+    standing: np.ndarray
+    """(n_archived, n_channels) N: what stands against the support springs, the release forces unless nodes have masses that count."""
+    gap: np.ndarray | None
+    """(n_archived, n_c) m, as in `History`."""
 
     def history(self, model: ReducedModel) -> History:
         """Return the displacements of the probes and contacts, and this rank's part of the field where a probe is farthest."""
@@ -278,11 +283,11 @@ class ReducedMarch:
         peak = int(np.argmax(np.max(np.abs(probes), axis=1, initial=0.0)))
         reactions = self.coordinates @ model.resultants.T
         if model.reactions is not None:
-            reactions = model.reactions.values(reactions, self.release)
+            reactions = model.reactions.values(reactions, self.standing)
         elongation = self.coordinates @ model.elongation.T
         felt = self.accelerations @ model.probes.T
         field = model.field(self.coordinates[peak])
-        return History(self.times, probes, elongation, self.release, reactions, peak, field, accelerations=felt)
+        return History(self.times, probes, elongation, self.release, reactions, peak, field, accelerations=felt, gap=self.gap)
 
 
 def march(
@@ -307,8 +312,9 @@ def march(
     given = None
     if release is not None:
         given = np.stack([np.interp(times, times[::every], column) for column in release.T], axis=1)
-    motion, acted = stepper.march(start, model.load_values(times), every, given)
-    return ReducedMarch(times[::every], motion[:, 0], motion[:, 1] / step, acted, motion[:, 2] / step**2)
+    motion, acted, nodes = stepper.march(start, model.load_values(times), every, given)
+    standing, gap = (acted, None) if nodes is None else (stepper.nodes.on_ground(acted, nodes), stepper.nodes.gap(nodes))
+    return ReducedMarch(times[::every], motion[:, 0], motion[:, 1] / step, acted, motion[:, 2] / step**2, standing, gap)
 
 
 class _Stepper:
@@ -339,11 +345,12 @@ class _Stepper:
             self.per_release = keep * self.answer[:, -model.law.n_channels :]
             compliance = model.law.stiffness[:, None] * (model.elongation @ self.per_release) * scheme.beta
             self.problem = ContactProblem(model.law, compliance)
+            self.nodes = FreeNodes(model.law, step)
 
     def march(
         self, start: ReducedState, values: np.ndarray, every: int, given: np.ndarray | None = None
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return (q, dt q', dt^2 q'') (n_archived, 3, m) and the release forces (n_archived, n_channels) N from `start`.
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+        """Return (q, dt q', dt^2 q'') (n_archived, 3, m), the release forces (n_archived, n_channels) N and the nodes' motion from `start`.
 
         `values` (steps + 1, n_loads) are the load histories, `given` (steps + 1, n_channels) N release forces that are known.
         """
@@ -358,6 +365,9 @@ class _Stepper:
         archive, acted = np.empty((archived, 3, m)), np.empty((archived, len(release)))
         archive[0, :2], archive[0, 2], acted[0] = motion, acceleration, release
         scale = model.load_scale(values)
+        heavy = self.problem is not None and self.nodes.any
+        moving = self.nodes.still(release) if heavy else None
+        motions = np.repeat(moving[:, None], archived, axis=1) if moving is not None else None
         for n in range(1, len(values)):
             before = whole.copy() if scheme.alpha_f else whole
             held = release.copy()
@@ -370,12 +380,18 @@ class _Stepper:
             acceleration = self.answer @ known + carried
             if self.problem is not None:
                 elongation = model.elongation @ (motion[0] + scheme.beta * acceleration)
-                release[:] = self.problem.solve(model.law.tension(elongation), held, scale)
+                tension = model.law.tension(elongation)
+                if moving is None:
+                    release[:] = self.problem.solve(tension, held, scale)
+                else:
+                    release[:], moving = self.nodes.solve(self.problem, tension, held, moving, scale)
                 acceleration += self.per_release @ release
             motion += new * acceleration
             if n % every == 0:
                 archive[n // every, :2], archive[n // every, 2], acted[n // every] = motion, acceleration, release
-        return archive, acted
+                if motions is not None and moving is not None:
+                    motions[:, n // every] = moving
+        return archive, acted, motions
 
 
 def solve_definite(matrix: np.ndarray, right: np.ndarray, what: str) -> np.ndarray:

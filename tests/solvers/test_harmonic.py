@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
+from scipy.special import gammaincc
 
 from forms.signals import Constant, Ricker
-from solvers.harmonic import FourierResponse, harmonic_sweep
+from solvers.harmonic import FourierResponse, harmonic_sweep, shares_beyond
 from solvers.newmark import Newmark, at_rest, transient
 from solvers.parameters import Scheme, Window
 from tests import oscillator
@@ -60,3 +61,31 @@ def test_static_load_answers_statically():
         history = FourierResponse(operators, window, harmonic_sweep(operators, 2 * np.pi * window.frequencies)).history(None)
     static = np.linalg.solve(oscillator.STIFFNESS, oscillator.FORCE)
     assert history.probes == pytest.approx(np.tile(static, (64, 1)), rel=1e-12)
+
+
+@pytest.mark.parametrize(("samples", "cutoff"), [(64, 1.0), (64, 3.2), (32, 1.6), (1024, 0.5)])
+def test_energy_beyond_the_band_is_that_of_the_closed_form(samples, cutoff):
+    """The energy of a Ricker pulse goes with f^4 exp(-2 (f / f0)^2), so that its tail is an incomplete gamma function."""
+    pulse, window = Ricker(3.0, 1.2, 5.0), Window(40.0, 4 * samples, cutoff)
+    with operators_with(pulse) as operators:
+        shares = shares_beyond(operators, window)
+    # The tail begins half a line of the spectrum above the last frequency that is solved.
+    tails = [gammaincc(2.5, 2 * ((f + 0.0125) / 1.2) ** 2) for f in (cutoff, samples / 20)]
+    assert shares == pytest.approx(tails, rel=0.005, abs=1e-12)
+
+
+def test_what_is_left_at_the_end_of_a_window_is_reported():
+    """A constant load is static and leaves nothing; what a pulse leaves falls with the length of the window as the slowest mode decays."""
+
+    def left(history, static, length):
+        operators = dense_operators(oscillator.STIFFNESS, oscillator.MASS, oscillator.DAMPING, [(oscillator.FORCE, history, static)])
+        window = Window(length, 2048, 8.0)
+        with operators:
+            response = FourierResponse(operators, window, harmonic_sweep(operators, 2 * np.pi * window.frequencies))
+            return response.left_over(response.history(None))
+
+    assert left(Constant(1.0), True, 60.0) == 0
+    omega, _, ratio = oscillator.modes()
+    at_60, at_120 = (left(Ricker(1.0, 0.7, 3.0), False, length) for length in (60.0, 120.0))
+    # The last part begins at 57 s and at 114 s.
+    assert at_120 / at_60 == pytest.approx(np.exp(-np.min(omega * ratio) * 57.0), rel=0.1)

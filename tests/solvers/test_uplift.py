@@ -7,6 +7,7 @@ import pytest
 
 from drivers.analysis import prepare
 from drivers.cost import on_a_line
+from meshes.checked import ModelError
 from solvers.newmark import Newmark, static_state, transient
 from solvers.parameters import Scheme, generalised_alpha, hilber_hughes_taylor
 from solvers.passes import published_passes
@@ -148,6 +149,22 @@ def test_plate_that_flies(sdls119a, comm):
     acceleration = np.gradient(np.gradient(history.probes[:, 1], 1e-3), 1e-3)
     assert np.mean(acceleration[late][:-5]) == pytest.approx(9.81, rel=2e-2)
     assert law.gap(history.release)[-1].min() > 1.0
+
+
+@pytest.mark.parametrize("points", [((0.0, 0.0), (1.0, 0.0)), ((0.0, 0.0), (4.0, 0.0))])
+def test_a_plate_that_its_weight_tips_or_lifts_off_is_refused(sdls119a, comm, points):
+    """On the two supports at the left it tips over; on those at the corners it is lifted by gravity reversed."""
+    support = replace(sdls119a.model.supports[0], points=points)
+    gravity = 9.81 if points[1][0] == 1.0 else -9.81
+    model = replace(sdls119a.model, supports=(support,), springs=(), gravity=gravity)
+    with prepare(replace(sdls119a, model=model), comm) as plant, pytest.raises(ModelError, match="lift or tip the plate off its supports"):
+        static_state(plant.operators, exact_uplift=True)
+    held = replace(model, springs=sdls119a.model.springs)
+    with prepare(replace(sdls119a, model=held), comm) as plant, static_state(plant.operators, exact_uplift=True) as state:
+        probes = plant.operators.probes
+        height = probes.total(probes.partial(np.real(state.displacement.array_r)))[1]
+    # The two springs of 1 N/m on top carry what the supports do not.
+    assert abs(height) > 1e4
 
 
 def test_sideways_released_supports_slide_while_open(sdls119a, comm):
