@@ -62,7 +62,10 @@ def find_modes(plant: Plant, wanted: Wanted) -> Modes:
     except SolverError:
         if wanted.shift < 0:
             raise
-        rigid, shift = _rigid_modes(plant)
+        try:
+            rigid, shift = _rigid_modes(plant)
+        except SolverError:
+            rigid, shift = 0, 0.0
         if rigid == 0:
             raise
         raise ModelError(
