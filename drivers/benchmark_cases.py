@@ -8,16 +8,21 @@ from typing import Any
 import numpy as np
 
 from drivers.benchmark_meshes import write_cylinder, write_disc
-from drivers.benchmark_runs import LIMIT, Benchmark, Check, Outcome, Runner, targets
+from drivers.benchmark_runs import LIMIT, Check, Outcome, Runner, mesh_in_words, targets
 from drivers.benchmark_theory import SupportedPlate, lifted_strip
+from drivers.methods import analyse
+from drivers.request import Request
 from forms.material import Material
 from forms.shell import SHEAR_CORRECTION
 
 NAFEMS = {"young": 200e9, "poisson": 0.3, "density": 8000.0, "thickness": 0.05}
 EDGES = ("DBAS", "DDRO", "DHAU", "DGAU")
 
-FACETS_OF_TRIANGLES = 0.015
-"""Admissible difference where a cylinder is made of few flat triangles."""
+SHEARED = 0.02
+"""How far a shell that shears may settle above the pinched cylinder's target, which knows no shear."""
+
+COARSE = 0.015
+"""Admissible difference of a box with 16 cells in its raft, whose edges and corners hold singular stresses."""
 
 
 def _frequency_checks(case: str, frequencies: np.ndarray, first: int) -> tuple[Check, ...]:
@@ -30,7 +35,7 @@ def _frequency_checks(case: str, frequencies: np.ndarray, first: int) -> tuple[C
 
 
 def free_plate(runner: Runner) -> list[Outcome]:
-    """NAFEMS FV12."""
+    """Run NAFEMS FV12."""
     outcomes = []
     for n, cell in ((8, "quadrilateral"), (8, "triangle"), (12, "quadrilateral")):
         mesh = {"width": 10.0, "height": 10.0, "nx": n, "ny": n, "cell": cell}
@@ -42,7 +47,7 @@ def free_plate(runner: Runner) -> list[Outcome]:
 
 
 def tapered_membrane(runner: Runner) -> list[Outcome]:
-    """NAFEMS FV32."""
+    """Run NAFEMS FV32."""
     outline = {"name": "WEB", "corners": [[0, 0], [10, 2], [10, 3], [0, 5]], "edges": ["BELOW", "TIP", "ABOVE", "ROOT"]}
     outcomes = []
     for size in (1.0, 0.5):
@@ -61,7 +66,7 @@ def _mirror(axis: str) -> list[str]:
 
 
 def roof(runner: Runner) -> list[Outcome]:
-    """The Scordelis-Lo roof, a quarter of it."""
+    """Run a quarter of the Scordelis-Lo roof."""
     outcomes = []
     for n, cell in ((8, "quadrilateral"), (12, "quadrilateral"), (8, "triangle")):
         table = {
@@ -78,12 +83,8 @@ def roof(runner: Runner) -> list[Outcome]:
     return outcomes
 
 
-SHEARED = 0.02
-"""How far a shell that shears may settle above the pinched cylinder's target, which knows no shear."""
-
-
 def pinched_cylinder(runner: Runner) -> list[Outcome]:
-    """The pinched cylinder with diaphragms, an eighth of it."""
+    """Run an eighth of the pinched cylinder with diaphragms."""
     outcomes = []
     for n, limit in ((16, LIMIT), (24, SHEARED), (32, SHEARED)):
         if runner.quick and n > 16:
@@ -105,12 +106,12 @@ def pinched_cylinder(runner: Runner) -> list[Outcome]:
 
 
 def folded_box(runner: Runner) -> list[Outcome]:
-    """A free box of a raft and four walls, and the same on a bed, against a refined model of higher degree."""
+    """Run a free box of a raft and four walls, and the same on a bed, against a refined model of higher degree."""
     s, h = 10.0, 5.0
-    ring = [[0, 0], [s, 0], [s, s], [0, s]]
-    plates = [{"name": "RAFT", "corners": [[*p, 0] for p in ring]}]
+    ring = [[0.0, 0.0], [s, 0.0], [s, s], [0.0, s]]
+    plates = [{"name": "RAFT", "corners": [[*p, 0.0] for p in ring]}]
     for i, (a, b) in enumerate(zip(ring, ring[1:] + ring[:1], strict=True), start=1):
-        plates.append({"name": f"WALL-{i}", "corners": [[*a, 0], [*b, 0], [*b, h], [*a, h]]})
+        plates.append({"name": f"WALL-{i}", "corners": [[*a, 0.0], [*b, 0.0], [*b, h], [*a, h]]})
     free = {
         "plate": {"young": 30e9, "poisson": 0.2, "density": 2500.0, "thickness": 0.2}, "modal": {"number": 12, "shift": -1e3},
     }
@@ -131,11 +132,12 @@ def folded_box(runner: Runner) -> list[Outcome]:
     for size in (2.5, 1.25):
         if runner.quick and size < 2.5:
             break
+        limit = COARSE if size == 2.5 else LIMIT
         frequencies, moved, rigid, words, dofs = both(size, 2)
         checks = [Check("rigid motions", "1", float(rigid), 6.0, 0.0)]
-        checks += [Check(f"mode {i}", "Hz", float(f), float(g), 0.015 if size == 2.5 else LIMIT)
+        checks += [Check(f"mode {i}", "Hz", float(f), float(g), limit)
                    for i, (f, g) in enumerate(zip(frequencies, refined_f, strict=True), start=7)]
-        checks += [Check(f"{name}, wind on a bed", "m", float(u), float(v))
+        checks += [Check(f"{name}, wind on a bed", "m", float(u), float(v), limit)
                    for name, u, v in zip(("rim across", "rim up"), moved[[0, 2]], refined_u[[0, 2]], strict=True)]
         outcomes.append(Outcome(f"{words} (target: {refined_words}, {refined_dofs} dofs)", dofs, tuple(checks)))
     return outcomes
@@ -151,7 +153,7 @@ def _worst(what: str, values: np.ndarray, exact: np.ndarray, note: str) -> list[
 
 
 def square_plates(runner: Runner) -> list[Outcome]:
-    """Simply supported and clamped square plates of any thickness on one mesh."""
+    """Run simply supported and clamped square plates of any thickness on one mesh."""
     outcomes = []
     for thickness in (1e-1, 1e-2, 1e-3, 1e-4, 1e-5)[:: 4 if runner.quick else 1]:
         material = Material(young=2e11, poisson=0.3, density=8000.0, thickness=thickness)
@@ -177,11 +179,11 @@ def square_plates(runner: Runner) -> list[Outcome]:
 
 
 def clamped_disc(runner: Runner) -> list[Outcome]:
-    """A clamped circular plate under pressure, from a mesh file with round edges, thin and thick."""
+    """Run a clamped circular plate under pressure, from a mesh file, thin and thick."""
     outcomes = []
     for cell, thickness in (("quadrilateral", 0.01), ("quadrilateral", 0.2), ("triangle", 0.01)):
         table = {
-            "mesh": runner.file(f"disc-{cell}.msh", write_disc, 1.0, 0.1, cell), "plate": NAFEMS | {"thickness": thickness},
+            "mesh": runner.file(f"disc-{cell}.msh", write_disc, 1.0, 0.08, cell), "plate": NAFEMS | {"thickness": thickness},
             "conditions": [{"group": "RIM", "edge": "clamped"}], "load": [{"kind": "pressure", "value": -1e3}],
             "probes": [{"name": "P", "point": [0.0, 0.0]}],
         }
@@ -193,11 +195,11 @@ def clamped_disc(runner: Runner) -> list[Outcome]:
 
 
 def cantilever(runner: Runner) -> list[Outcome]:
-    """A strip clamped at one end, as Timoshenko's beam, with a force on its tip."""
+    """Run a strip clamped at one end, as Timoshenko's beam, with a force on its tip."""
     young, thickness, length = 2e11, 0.1, 10.0
     bending, shear = young * thickness**3 / 12, SHEAR_CORRECTION * young / 2 * thickness
     table: dict[str, Any] = {
-        "mesh": {"width": length, "height": 1.0, "nx": 10, "ny": 1},
+        "mesh": {"width": length, "height": 1.0, "nx": 20, "ny": 1},
         "plate": {"young": young, "poisson": 0.0, "density": 8000.0, "thickness": thickness},
         "conditions": [{"group": "DGAU", "edge": "clamped"}], "probes": [{"name": "TIP", "point": [length, 0.5], "rotations": True}],
         "load": [{"kind": "force", "group": "DDRO", "per": "length", "force": {"Z": 1e3}}],
@@ -211,33 +213,29 @@ def cantilever(runner: Runner) -> list[Outcome]:
 
 
 def tensionless_bed(runner: Runner) -> list[Outcome]:
-    """A long weightless strip on a bed that cannot pull, under a line load across its middle."""
-    young, thickness, bed, load = 3e10, 0.25, 1e7, 1e4
-    rigidity, half = young * thickness**3 / 12, 10.0
-    deflection, contact = lifted_strip(load, rigidity, bed)
-    halves = [{"name": name, "corners": [[x, 0], [x + half, 0], [x + half, 1], [x, 1]], "edges": ["S", right, "N", left]}
-              for name, x, left, right in (("WEST", 0.0, "END", "MIDDLE"), ("EAST", half, "MIDDLE", "END"))]
+    """Run a long weightless strip on a bed that cannot pull, under a line load across its middle; forces per metre of its width."""
+    young, thickness, bed, load, half = 3e10, 0.25, 1e7, 1e4, 7.0
+    deflection, contact = lifted_strip(load, young * thickness**3 / 12, bed)
+    width = 0.25 if runner.quick else 0.125
+    halves = [
+        {"name": name, "corners": [[x, 0], [x + half, 0], [x + half, width], [x, width]], "edges": ["S", right, "N", left]}
+        for name, x, left, right in (("WEST", -half, "END", "MIDDLE"), ("EAST", 0.0, "MIDDLE", "END"))
+    ]
     support = {"per": "area", "stiffness": {"Z": bed}, "contact": {"Z": 1e15}, "unilateral": "Z"}
     table = {
-        "mesh": {"size": 0.25 if runner.quick else 0.1, "plates": halves},
+        "mesh": {"size": width, "plates": halves},
         "plate": {"young": young, "poisson": 0.0, "density": 2500.0, "thickness": thickness},
-        "supports": [{"name": f"BED-{name}", "group": name, **support} for name in ("WEST", "EAST")],
+        "supports": [{"name": "WEST", "group": "WEST", **support}, {"name": "EAST", "group": "EAST", **support}],
         "load": [{"kind": "force", "group": "MIDDLE", "per": "length", "force": {"Z": -load}}],
-        "probes": [{"name": "P", "point": [half, 0.5]}],
+        "probes": [{"name": "P", "point": [0.0, width / 2]}],
     }
-    probes, _, words, dofs = runner.history(table, "static")
     with runner.plant(table) as plant:
-        from drivers.methods import analyse
-        from drivers.request import Request
-
-        final = analyse(plant, Request("static")).final
-        law, along = plant.operators.contacts.law, plant.operators.contacts.points[:, 0] - half
-        gap = law.gap(final.release)[0]
-    right = np.argsort(np.where(along >= 0, along, np.inf))[: int(np.sum(along >= 0))]
-    first_open = along[right][np.argmax(gap[right] > 0)]
-    last_closed = np.max(along[right][gap[right] == 0])
+        history = analyse(plant, Request("static")).final
+        contacts, words, dofs = plant.operators.contacts, mesh_in_words(plant), plant.operators.n
+    along, opened = np.abs(contacts.points[:, 0]), contacts.law.gap(history.release)[0] > 0
+    last, first = float(np.max(along[~opened])), float(np.min(along[opened]))
     checks = (
-        Check("deflection under the load", "m", -float(probes["P.DZ"][0]), deflection),
-        Check("half of the length that stays down", "m", float(first_open + last_closed) / 2, contact, 0.02, "to a node, of 3.5"),
+        Check("deflection under the load", "m", -float(history.probes[0, 0]), deflection),
+        Check("half of the length that stays down", "m", (first + last) / 2, contact, (first - last) / 2 / contact, "between two nodes"),
     )
     return [Outcome(words, dofs, checks)]

@@ -32,11 +32,11 @@ def write_cylinder(path: Path, radius: float, angle: float, length: float, cells
             model.mesh.setTransfiniteCurve(tag, cells + 1)
         model.mesh.setTransfiniteSurface(shell)
         groups = {"SHELL": (2, shell), **{name: (1, tag) for tag, name in names.items()}, "TOP": (0, top), "CORNER": (0, corner)}
-        _write(gmsh, path, groups, cell, 1)
+        _write(gmsh, path, groups, cell)
 
 
 def write_disc(path: Path, radius: float, size: float, cell: str = "quadrilateral") -> None:
-    """Write a disc about the origin in the plane XY with cells of the second order, so with a round edge; sides of `size` m.
+    """Write a disc about the origin in the plane XY, cells with sides of `size` m and its edge a polygon of their sides.
 
     Groups: surface DISC, edge RIM. Call on one rank only.
     """
@@ -50,10 +50,10 @@ def write_disc(path: Path, radius: float, size: float, cell: str = "quadrilatera
         if cell == "quadrilateral":  # splitting larger cells leaves no triangle
             gmsh.option.setNumber("Mesh.MeshSizeMax", 2 * size)
             gmsh.option.setNumber("Mesh.SubdivisionAlgorithm", 1)
-        _write(gmsh, path, {"DISC": (2, disc), "RIM": (1, rim)}, cell, 2)
+        _write(gmsh, path, {"DISC": (2, disc), "RIM": (1, rim)}, cell)
 
 
-def _write(gmsh: Any, path: Path, groups: dict[str, tuple[int, int]], cell: str, order: int) -> None:
+def _write(gmsh: Any, path: Path, groups: dict[str, tuple[int, int]], cell: str) -> None:
     model = gmsh.model
     for number, (name, (dimension, tag)) in enumerate(groups.items(), start=1):
         model.addPhysicalGroup(dimension, [tag], number)
@@ -61,5 +61,4 @@ def _write(gmsh: Any, path: Path, groups: dict[str, tuple[int, int]], cell: str,
         if dimension == 2 and cell == "quadrilateral":
             model.mesh.setRecombine(2, tag)
     model.mesh.generate(2)
-    model.mesh.setOrder(order)
     gmsh.write(str(path))

@@ -40,10 +40,13 @@ class Check:
     note: str = ""
     """What the target is, where that is not the source of the case."""
 
+    scale: float | None = None
+    """What the difference is relative to, where that is not the target."""
+
     @property
     def difference(self) -> float:
         """Relative difference of the value from its target."""
-        return self.value / self.target - 1
+        return (self.value - self.target) / (self.scale or self.target)
 
     @property
     def met(self) -> bool:
