@@ -199,6 +199,14 @@ def _parser() -> argparse.ArgumentParser:
     stability.add_argument("--quick", action="store_true", help="a dozen cases only")
     stability.add_argument("--quiet", action="store_true", help="print errors only")
     stability.set_defaults(command=_stability)
+    benchmarks = commands.add_parser(
+        "benchmarks", help="published benchmarks of plates and shells",
+        description="Run published benchmarks of plates and shells through scenes, static, modal, harmonic and transient, and write a page "
+                    "of tables; exit code 1 if a value misses its limit.",
+    )
+    benchmarks.add_argument("--out", type=Path, default=Path("docs/benchmarks.md"), metavar="FILE.md", help="default: %(default)s")
+    benchmarks.add_argument("--quick", action="store_true", help="the smaller meshes only, where a case has several")
+    benchmarks.set_defaults(command=_benchmarks, quiet=True)
     return parser
 
 
@@ -450,6 +458,14 @@ def _stability(options: argparse.Namespace, begin: float) -> int:
         from drivers.stability import stability
 
         return 0 if stability(comm, REFERENCE, options.out, quick=options.quick, quiet=options.quiet) else FAILED
+
+
+def _benchmarks(options: argparse.Namespace, begin: float) -> int:
+    runtime.choose_scalars("complex")  # steady vibration needs complex numbers, and the others do as well in them
+    with runtime.parallel() as comm:
+        from drivers.benchmarks import benchmarks
+
+        return 0 if benchmarks(comm, options.out, quick=options.quick) else FAILED
 
 
 def _mesh(options: argparse.Namespace, begin: float) -> int:

@@ -10,17 +10,15 @@ import numpy as np
 from drivers.analysis import Plant
 from drivers.output import all_or_nothing, versions, write_columns, write_summary
 from drivers.runtime import require_scalars
-from forms.operators import no_contacts
+from forms.operators import Load, no_contacts
 from meshes.checked import ModelError
 from solvers.harmonic import harmonic_sweep
 
 
-def respond(plant: Plant, folder: Path, *, plots: bool) -> list[str]:
-    """Sweep the frequencies of the scene, write response.csv into `folder`, and return the lines to print (collective).
+def probe_responses(plant: Plant) -> tuple[list[Load], np.ndarray]:
+    """Return the loads that shake the plate, and the answers (n_f, n_probes, n_loads) m or rad to each of them (collective).
 
-    A column holds the answer to one load alone, whose history is exp(i omega t) times its vector: real and imaginary part, modulus and
-    phase, all one-sided amplitudes (0 to peak). Ground motions have an amplitude of 1 m/s2 or rad/s2; the answer is relative to
-    the ground. Gravity, gaps and preloads have no part in it.
+    The history of a load is exp(i omega t) times its vector. Raises `ModelError` if there is none beside gravity.
     """
     require_scalars("complex")
     settings = plant.scene.harmonic
@@ -31,7 +29,20 @@ def respond(plant: Plant, folder: Path, *, plots: bool) -> list[str]:
         raise ModelError("load", "expected a load beside gravity: nothing shakes the plate")
     with plant.clock.phase("solution"):
         linear = replace(operators, loads=shaking, contacts=no_contacts(operators.n_local, operators.comm))
-        answers = harmonic_sweep(linear, 2 * np.pi * settings.points).probes
+        return shaking, harmonic_sweep(linear, 2 * np.pi * settings.points).probes
+
+
+def respond(plant: Plant, folder: Path, *, plots: bool) -> list[str]:
+    """Sweep the frequencies of the scene, write response.csv into `folder`, and return the lines to print (collective).
+
+    A column holds the answer to one load alone, whose history is exp(i omega t) times its vector: real and imaginary part, modulus and
+    phase, all one-sided amplitudes (0 to peak). Ground motions have an amplitude of 1 m/s2 or rad/s2; the answer is relative to
+    the ground. Gravity, gaps and preloads have no part in it.
+    """
+    settings = plant.scene.harmonic
+    assert settings is not None
+    operators = plant.operators
+    shaking, answers = probe_responses(plant)
     names = [f"{load.name}: {probe}" for load in shaking for probe in operators.probes.names]
     values = answers.transpose(0, 2, 1).reshape(len(settings.points), -1)
     if operators.comm.rank == 0:

@@ -62,7 +62,10 @@ def find_modes(plant: Plant, wanted: Wanted) -> Modes:
     except SolverError:
         if wanted.shift < 0:
             raise
-        rigid, shift = _rigid_modes(plant)
+        try:
+            rigid, shift = _rigid_modes(plant)
+        except SolverError:
+            rigid, shift = 0, 0.0
         if rigid == 0:
             raise
         raise ModelError(
@@ -75,11 +78,13 @@ def find_modes(plant: Plant, wanted: Wanted) -> Modes:
 def _rigid_modes(plant: Plant) -> tuple[int, float]:
     """Return the number of modes without strain and the shift in rad2/s2 with which they were found (collective).
 
-    The shift is that of a wave which crosses the plate in 1 s / sqrt(-shift), so of the size of its lowest eigenvalues.
+    The shift is that of a wave which crosses the plate in 1 s / sqrt(-shift), a wave of bending if the plate can bend, so of the size
+    of its lowest eigenvalues.
     """
     material, x = plant.scene.model.material, plant.tagged.mesh.geometry.x
     extent = plant.operators.comm.allreduce(float(np.max(np.ptp(x, axis=0), initial=0.0)), op=max)
-    shift = -float(f"{material.young / material.density / extent ** 2:.1g}")
+    slender = 1.0 if plant.assembled.kind == "plane stress" else min(1.0, 10 * (material.thickness / extent) ** 2)
+    shift = -float(f"{slender * material.young / material.density / extent ** 2:.1g}")
     level = logging.root.manager.disable
     logging.disable(logging.INFO)  # nobody asked for these modes
     try:

@@ -42,7 +42,7 @@ FULL_SHEAR = {("triangle", 3): 15.0, ("quadrilateral", 2): 1.0, ("quadrilateral"
 """c, the weight of the fully integrated shear, by cell and degree.
 
 Less leaves a thin plate softer under point loads and along free edges, more stiffens short waves: figures in
-tests/reference/shell_benchmarks.csv.
+drivers/reference/benchmarks.csv.
 """
 
 DRILLING = 1.0

@@ -132,14 +132,30 @@ def test_a_plate_that_nothing_holds(changed, tmp_path, monkeypatch):
     with pytest.raises(ModelError, match="modal: nothing holds the plate, so it has no static state"):
         tabulate_truncation(shifted, tmp_path, plots=False)
 
-    def lost(*_, **__):
-        raise SolverError("19 modes were found and 20 are there")
+    def lost(number=19):
+        raise SolverError(f"{number} modes were found and 21 are there")
 
     held = changed()
     real = sys.modules["drivers.modes"].modes
     monkeypatch.setattr("drivers.modes.modes", lambda *a, **o: real(*a, **o) if o["shift"] else lost())
     with pytest.raises(SolverError, match="19 modes"):  # another failure is not taken for a free plate
         find_modes(held, wanted_modes(held.scene, None, None))
+    monkeypatch.setattr("drivers.modes.modes", lambda *a, **o: lost(20 if o["shift"] else 19))
+    with pytest.raises(SolverError, match="19 modes"):  # nor is the search for rigid motions, if that fails too
+        find_modes(held, wanted_modes(held.scene, None, None))
+
+
+def test_the_shift_that_is_named_for_a_thin_free_plate_finds_its_modes(comm):
+    table = {
+        "mesh": {"width": 10.0, "height": 10.0, "nx": 4, "ny": 4}, "kinematics": {"kind": "bending"}, "modal": {"number": 4},
+        "plate": {"young": 2e11, "poisson": 0.3, "density": 8000.0, "thickness": 5e-4},
+    }
+    with prepare(build_scene(table, Path()), comm) as free:
+        with pytest.raises(ModelError, match="in 3 rigid-body.*such as -0.006 rad2/s2") as error:
+            find_modes(free, wanted_modes(free.scene, None, None))
+        table["modal"]["shift"] = float(str(error.value).split("such as ")[1].split()[0])
+    with prepare(build_scene(table, Path()), comm) as free:
+        assert find_modes(free, wanted_modes(free.scene, None, None)).rigid == 3
 
 
 def test_a_free_plate_is_one_line_and_code_2(tmp_path):

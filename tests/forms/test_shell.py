@@ -24,7 +24,7 @@ ELEMENTS = [("quadrilateral", 2), ("quadrilateral", 3), ("triangle", 3)]
 
 
 def targets(case):
-    path = Path(__file__).parents[1] / "reference" / "shell_benchmarks.csv"
+    path = Path(__file__).parents[2] / "drivers" / "reference" / "benchmarks.csv"
     lines = [line for line in path.read_text().splitlines() if not line.startswith("#")]
     return np.array([float(row["target"]) for row in csv.DictReader(lines) if row["case"] == case])
 
