@@ -74,6 +74,34 @@ class DirectSolver:
         if check:
             self.check(right, solution)
 
+    def solve_columns(self, rights: np.ndarray) -> np.ndarray:
+        """Solve for many real right-hand sides at once, this rank's rows (n_local, n_columns) (collective).
+
+        Columns that go through the factors together cost less than half of what they cost one by one. The first is checked by its
+        residual as in `solve`. Returns the solutions (n_local, n_columns), columns contiguous.
+        """
+        begin = time.perf_counter()
+        n_local, n = self.matrix.getSizes()[0]
+        size, comm = ((n_local, n), (PETSc.DECIDE, rights.shape[1])), self.matrix.comm
+        given = PETSc.Mat().createDense(size=size, array=np.asfortranarray(rights, dtype=PETSc.ScalarType), comm=comm)
+        given.assemble()
+        found = PETSc.Mat().createDense(size=size, comm=comm)
+        found.setUp()
+        try:
+            self._ksp.getPC().getFactorMatrix().matSolve(given, found)
+        except PETSc.Error as error:
+            raise SolverError(f"the {self.what} cannot be solved: its matrix is singular") from error
+        solutions = np.real(found.getDenseArray()).copy(order="F")
+        given.destroy()
+        found.destroy()
+        self.solve_seconds += time.perf_counter() - begin
+        right, solution = self.matrix.createVecs()
+        right.array[:], solution.array[:] = rights[:, 0], solutions[:, 0]
+        self.check(right, solution)
+        right.destroy()
+        solution.destroy()
+        return solutions
+
     def check(self, right: Any, solution: Any) -> float:
         """Return the residual |D (b - A x)| / |D b| with D = |diag A|^-1/2; raise `SolverError` above the limit.
 

@@ -72,3 +72,21 @@ class Window(Checked):
     def frequencies(self) -> np.ndarray:
         """Solved frequencies (n_f,) Hz, from 0 to the cutoff in steps of 1 / length."""
         return np.arange(int(np.floor(self.cutoff * self.length * (1 + 1e-12))) + 1) / self.length
+
+
+@dataclass(frozen=True)
+class KrylovSettings(Checked):
+    """The Krylov basis in which reduced runs live."""
+
+    tolerance: float = quantity("relative residual that the basis is grown to", default=1e-7, above=0.0, below=1.0)
+    band: float = quantity("highest frequency that it is tested at", "Hz", default=25.0, above=0.0)
+    shift: float = quantity("sigma in K + sigma M; above zero for a structure that can move without strain", "rad2/s2",
+                            default=0.0, at_least=0.0)
+    blocks: int = quantity("blocks at most", default=40, at_least=2)
+    tests: int = quantity("frequencies that it is tested at", default=12, at_least=1)
+    checks: int = quantity("test frequencies at which the true residual of the whole model is measured", default=3, at_least=1)
+
+    @property
+    def test_frequencies(self) -> np.ndarray:
+        """Test frequencies (tests,) Hz, up to the end of the band and closer towards it."""
+        return self.band * np.sin(0.5 * np.pi * np.arange(1, self.tests + 1) / self.tests)

@@ -37,7 +37,7 @@ DEPENDENT = 1e-8
 def apply(matrix: Any, vectors: np.ndarray) -> np.ndarray:
     """Return this rank's rows (n_local, m) of a real matrix times real `vectors` (n_local, m) (collective)."""
     x, y = matrix.createVecs()
-    product = np.empty_like(vectors)
+    product = np.empty(vectors.shape, order="F")
     for j in range(vectors.shape[1]):
         x.array[:] = vectors[:, j]
         matrix.mult(x, y)
@@ -56,12 +56,24 @@ def inner(left: np.ndarray, right: np.ndarray, comm: Any) -> np.ndarray:
 
 
 @dataclass(frozen=True)
+class Projected:
+    """The matrices of a model between the vectors of a basis, (m, m) each and symmetric."""
+
+    stiffness: np.ndarray
+    mass: np.ndarray
+    damping: np.ndarray
+    """Zero where the model has no damping."""
+
+
+@dataclass(frozen=True)
 class Basis:
     """Linearly independent real vectors that span the displacements of a reduced model."""
 
     vectors: np.ndarray
     """(n_local, m): this rank's rows."""
     comm: Any
+    projected: Projected | None = None
+    """The matrices of the model that the basis was made for, where they are known already."""
 
     @property
     def size(self) -> int:
@@ -150,6 +162,18 @@ class ReducedModel:
         return self.basis.vectors @ coordinates
 
 
+def projected_matrices(operators: Operators, vectors: np.ndarray) -> Projected:
+    """Return the matrices of a model between `vectors` (n_local, m) (collective)."""
+
+    def between(matrix: Any) -> np.ndarray:
+        full = inner(vectors, apply(matrix, vectors), operators.comm)
+        return (full + full.T) / 2
+
+    mass = between(operators.mass)
+    damping = np.zeros_like(mass) if operators.damping is None else between(operators.damping)
+    return Projected(between(operators.stiffness), mass, damping)
+
+
 def project(operators: Operators, basis: Basis, *, diagonal: bool = False) -> ReducedModel:
     """Project a model on a basis (collective).
 
@@ -158,12 +182,12 @@ def project(operators: Operators, basis: Basis, *, diagonal: bool = False) -> Re
     in the norm of the mass.
     """
     V, comm = basis.vectors, operators.comm
+    known = basis.projected or projected_matrices(operators, V)
 
-    def projected(matrix: Any) -> np.ndarray:
-        full = inner(V, apply(matrix, V), comm)
-        return np.diag(np.diag(full)) if diagonal else (full + full.T) / 2
+    def kept(full: np.ndarray) -> np.ndarray:
+        return np.diag(np.diag(full)) if diagonal else full
 
-    mass = projected(operators.mass)
+    mass = kept(known.mass)
     size = np.sqrt(np.diag(mass))
     if not (np.all(size > 0) and np.linalg.eigvalsh(mass / np.outer(size, size))[0] > 1e-12):
         raise SolverError("the vectors of the basis are linearly dependent, or one of them moves no mass")
@@ -172,9 +196,9 @@ def project(operators: Operators, basis: Basis, *, diagonal: bool = False) -> Re
     probes, elongation, *resultants = (functionals.total(functionals.partial(V)) for functionals in observed)
     return ReducedModel(
         basis=basis,
-        stiffness=projected(operators.stiffness),
+        stiffness=kept(known.stiffness),
         mass=mass,
-        damping=np.zeros_like(mass) if operators.damping is None else projected(operators.damping),
+        damping=kept(known.damping),
         loads=inner(V, np.stack([np.real(load.vector.array_r) for load in operators.loads], axis=1), comm)
         if operators.loads
         else np.zeros((basis.size, 0)),
