@@ -64,7 +64,9 @@ class Run:
     window: float | None = None
     """s: length of the window, the inverse of the frequency step."""
     size: int | None = None
-    """Number of modes, or of blocks in the Krylov basis."""
+    """Number of modes."""
+    tolerance: float | None = None
+    """Residual to which the Krylov basis is grown."""
 
     @property
     def by_sweep(self) -> bool:
@@ -78,7 +80,9 @@ class Run:
         if self.band is not None:
             parts += [f"to {self.band:g} Hz", f"window {self.window:g} s"]
         if self.size is not None:
-            parts.append(f"{self.size} {'blocks' if self.method == KRYLOV else 'modes'}")
+            parts.append(f"{self.size} modes")
+        if self.tolerance is not None:
+            parts.append(f"residual {self.tolerance:g}")
         return ", ".join(parts)
 
 
@@ -171,9 +175,7 @@ def _as_published(quick: bool) -> Iterator[Run]:
     yield from (Run(AS_PUBLISHED, FOURIER, mesh, 0.01, 25.0, window) for window in ((10.24, 40.96) if quick else (10.24, 40.96, 81.92)))
     if not quick:
         yield from (Run(AS_PUBLISHED, FOURIER, mesh, step, band, 40.96) for step, band in ((0.005, 50.0), (0.0025, 100.0), (0.00125, 200.0)))
-    for method, sizes in ((MODES, (5, 10, 20, 40, 80)), (CORRECTED, (5, 10, 20, 40, 80)), (KRYLOV, (2, 3, 4, 6, 8))):
-        for size in sizes:
-            yield from (Run(AS_PUBLISHED, method, mesh, step, size=size) for step in ((0.005, 0.00125) if quick else (0.005, 0.00125, 0.0003125)))
+    yield from _on_bases(AS_PUBLISHED, mesh, (0.005, 0.00125) if quick else (0.005, 0.00125, 0.0003125, 0.000078125))
 
 
 def _spread(quick: bool) -> Iterator[Run]:
@@ -189,6 +191,10 @@ def _spread(quick: bool) -> Iterator[Run]:
         bands = (12.5, 25.0) if quick else (12.5, 25.0, 50.0)
         yield from (Run(SPREAD, FOURIER, mesh, 0.01, band, 20.48) for band in bands)
     for mesh in (Mesh(2), Mesh(4), Mesh(2, 2)) if quick else (Mesh(2), Mesh(4), Mesh(8), Mesh(16), Mesh(2, 2), Mesh(4, 2), Mesh(8, 2)):
-        for method, sizes in ((MODES, (10, 20, 40, 80)), (CORRECTED, (5, 10, 20, 40, 80)), (KRYLOV, (2, 3, 4, 6, 8))):
-            for size in sizes:
-                yield from (Run(SPREAD, method, mesh, step, size=size) for step in ((0.005,) if quick else (0.005, 0.00125)))
+        yield from _on_bases(SPREAD, mesh, (0.005,) if quick else (0.005, 0.00125))
+
+
+def _on_bases(case: str, mesh: Mesh, steps: tuple[float, ...]) -> Iterator[Run]:
+    for step in steps:
+        yield from (Run(case, method, mesh, step, size=size) for method in (MODES, CORRECTED) for size in (5, 10, 20, 40, 80))
+        yield from (Run(case, KRYLOV, mesh, step, tolerance=tolerance) for tolerance in (0.5, 0.1, 0.01, 1e-4))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -10,7 +9,6 @@ import numpy as np
 
 from drivers.pareto_cases import (
     AS_PUBLISHED,
-    BASES,
     CORRECTED,
     FOURIER,
     KRYLOV,
@@ -47,7 +45,10 @@ def observed(outcomes: Sequence[Outcome], traces: Mapping[Run, Trace], decay: fl
     rows += [row for degree in (1, 2) for row in _in_mesh(degree, traces)]
     rows += _in_window(outcomes, decay)
     rows += _in_band(traces)
-    rows += [row for case in (AS_PUBLISHED, SPREAD) for method in BASES for row in _in_size(case, method, traces)]
+    blocks = {o.run: o.blocks for o in outcomes if o.blocks}
+    for case in (AS_PUBLISHED, SPREAD):
+        rows += [row for method in (MODES, CORRECTED) for row in _in_size(case, method, traces)]
+        rows += _in_blocks(case, blocks, traces)
     return rows
 
 
@@ -130,27 +131,36 @@ def _in_band(traces: Mapping[Run, Trace]) -> list[Observed]:
     return [Observed(AS_PUBLISHED, FOURIER, "band (1 / cutoff)", levels, _rates(parameters, values), words)]
 
 
+def _against_all_dofs(case: str, method: str, traces: Mapping[Run, Trace]) -> tuple[list[Run], list[np.ndarray]]:
+    """Return the runs on a basis, largest bilinear mesh, and their errors against all dofs with the same mesh and step."""
+    found = [run for run in traces if (run.case, run.method, run.step, run.mesh.degree) == (case, method, MESH_STEP, 1)]
+    if not found:
+        return [], []
+    mesh = max(run.mesh for run in found)
+    whole = traces[Run(case, "Newmark", mesh, MESH_STEP)]
+    runs = sorted((run for run in found if run.mesh == mesh), key=lambda run: (run.size or 0, -(run.tolerance or 0.0)))
+    return runs, [errors(traces[run], whole) for run in runs]
+
+
 def _in_size(case: str, method: str, traces: Mapping[Run, Trace]) -> list[Observed]:
-    """Against the run in all dofs with the same mesh and step: the error of the basis alone."""
-    found = [run for run in traces if (run.case, run.method, run.step) == (case, method, MESH_STEP) and run.size]
-    whole = {run.mesh: Run(case, "Newmark", run.mesh, MESH_STEP) for run in found}
-    linear = [mesh for mesh in whole if mesh.degree == 1 and whole[mesh] in traces]
-    if not linear:
-        return []
-    mesh = max(linear)
-    runs = sorted((run for run in found if run.mesh == mesh), key=lambda run: run.size or 0)
-    values = [errors(traces[run], traces[whole[mesh]]) for run in runs]
-    sizes = [run.size or 0 for run in runs]
+    runs, values = _against_all_dofs(case, method, traces)
     if len(runs) < 3:
         return []
-    if method == KRYLOV:
-        with np.errstate(divide="ignore", invalid="ignore"):
-            logs = np.log10(np.array(values))
-        slope = [-float(np.polyfit(sizes[-3:], logs[-3:, i], 1)[0]) if np.all(np.isfinite(logs[-3:, i])) else math.nan for i in range(3)]
-        return [Observed(case, method, "blocks, digits gained by each", f"{sizes[-3]} to {sizes[-1]} blocks, {_mesh_words(mesh)}",
-                         (slope[0], slope[1], slope[2]), "geometric, until round-off of the penalties")]
-    rates = _rates([1.0 / size for size in sizes], values)
-    return [Observed(case, method, "1 / number of modes", f"{sizes[-3]} to {sizes[-1]} modes, {_mesh_words(mesh)}", rates, THEORY[case, method])]
+    rates = _rates([1.0 / (run.size or 1) for run in runs], values)
+    levels = f"{runs[-3].size} to {runs[-1].size} modes, {_mesh_words(runs[0].mesh)}"
+    return [Observed(case, method, "1 / number of modes", levels, rates, THEORY[case, method])]
+
+
+def _in_blocks(case: str, blocks: Mapping[Run, int], traces: Mapping[Run, Trace]) -> list[Observed]:
+    """Digits that each block of a Krylov basis adds, over its first three residuals: the last one is at the floor."""
+    runs, values = _against_all_dofs(case, KRYLOV, traces)
+    runs, values = runs[:3], values[:3]
+    numbers = [blocks[run] for run in runs]
+    if len(set(numbers)) < 2 or not np.all(np.array(values) > 0):
+        return []
+    slopes = -np.polyfit(numbers, np.log10(np.array(values)), 1)[0]
+    levels = f"{numbers[0]} to {numbers[-1]} blocks, {_mesh_words(runs[0].mesh)}"
+    return [Observed(case, KRYLOV, "blocks, digits gained by each", levels, (slopes[0], slopes[1], slopes[2]), "a constant: geometric convergence")]
 
 
 def _mesh_words(mesh: Mesh) -> str:

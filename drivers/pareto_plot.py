@@ -10,7 +10,6 @@ import numpy as np
 from drivers.pareto_cases import METHODS
 from drivers.pareto_errors import Reference, efficient
 from drivers.pareto_runs import Outcome
-from drivers.plots import _new_figure
 
 MARKS = "osD^v<>PX*"
 COLOURS = ("C0", "C1", "C2", "0.4", "C3", "C4", "C5", "C6", "C9", "C8")
@@ -18,7 +17,11 @@ COLOURS = ("C0", "C1", "C2", "0.4", "C3", "C4", "C5", "C6", "C9", "C8")
 
 def draw(path: Path, outcomes: Sequence[Outcome], references: Mapping[str, Reference], scored: np.ndarray, probe: str) -> None:
     """Draw errors (n_outcomes, 3) of displacement and contact forces against seconds, a column for each case, the front as a line."""
-    figure = _new_figure(6.4 * len(references), 8.6)
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(6.4 * len(references), 9.4))
+    FigureCanvasAgg(figure)
     axes = figure.subplots(2, len(references), squeeze=False)
     for column, (case, reference) in enumerate(references.items()):
         own = [i for i, o in enumerate(outcomes) if o.run.case == case and o.trace is not None]
@@ -39,5 +42,6 @@ def draw(path: Path, outcomes: Sequence[Outcome], references: Mapping[str, Refer
             low = min([*values[values > 0], reference.error[row]], default=1e-8)
             axis.set_ylim(0.5 * low, 3.0)
     handles = {label: handle for line in axes for axis in line for handle, label in zip(*axis.get_legend_handles_labels(), strict=True)}
-    figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=4, fontsize=8)
+    figure.legend(handles.values(), handles.keys(), loc="lower center", ncol=2 * len(references), fontsize=8)
+    figure.subplots_adjust(0.12 / len(references), 0.06 + 0.3 / (2 * len(references) + 1), 0.98, 0.96, 0.18, 0.24)
     figure.savefig(path, dpi=110, metadata={"Software": None})

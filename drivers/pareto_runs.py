@@ -15,9 +15,7 @@ from drivers.pareto_cases import (
     CORRECTED,
     FOURIER_2,
     INSTANTS,
-    KRYLOV,
     LAPLACE,
-    MODES,
     NEWMARK_2,
     SCHEMES,
     Mesh,
@@ -31,10 +29,13 @@ from drivers.pareto_errors import Trace, open_time
 from drivers.scene import Scene
 from forms.operators import Operators
 from meshes.checked import ModelError
+from solvers import reduced
 from solvers.errors import SolverError
 from solvers.history import History
+from solvers.krylov import krylov_basis
+from solvers.modal import modes
 from solvers.newmark import Newmark, static_state, transient
-from solvers.parameters import Scheme, Window
+from solvers.parameters import KrylovSettings, Scheme, Window
 from solvers.passes import Passes, published_passes
 from solvers.reduced import Basis
 
@@ -61,6 +62,8 @@ class Outcome:
     """Wall seconds by phase, from the assembled model to the histories."""
     vectors: int | None = None
     """Size of the basis."""
+    blocks: int | None = None
+    """Blocks of a Krylov basis."""
     passes: int | None = None
     ended: str = ""
     bonded: Trace | None = None
@@ -238,27 +241,18 @@ def _fourier(model: Model, run: Run, clock: Clock) -> tuple[History | None, dict
     return passes.final if two or passes.ended == "converged" else None, _ending(passes)
 
 
-def basis_of(operators: Operators, method: str, size: int) -> Basis:
-    """Return the basis of a method: `size` modes, or so many blocks of the Krylov basis (collective)."""
-    from solvers.modal import modes
-    from solvers.reduced import with_static_answers
-
-    if method == KRYLOV:
-        return _krylov(operators, size)
-    found = modes(operators, number=size).basis
-    return with_static_answers(operators, found) if method == CORRECTED else found
-
-
-def _krylov(operators: Operators, blocks: int) -> Basis:
-    raise SolverError("there is no Krylov basis yet")
+def basis_of(operators: Operators, run: Run) -> tuple[Basis, int | None]:
+    """Return the basis of a run and, of a Krylov basis, the number of its blocks (collective)."""
+    if run.tolerance is not None:
+        grown = krylov_basis(operators, KrylovSettings(tolerance=run.tolerance))
+        return grown, len(grown.growth.sizes)
+    found = modes(operators, number=run.size).basis
+    return (reduced.with_static_answers(operators, found) if run.method == CORRECTED else found), None
 
 
 def _on_a_basis(model: Model, run: Run, clock: Clock) -> tuple[History | None, dict[str, Any]]:
-    from solvers import reduced
-
-    assert run.size is not None and run.method in (MODES, CORRECTED, KRYLOV)
     with clock.phase("basis"):
-        basis = basis_of(model.operators, run.method, run.size)
+        basis, blocks = basis_of(model.operators, run)
     with clock.phase("projection"):
         small = reduced.project(model.operators, basis)
     with clock.phase("start"):
@@ -266,11 +260,11 @@ def _on_a_basis(model: Model, run: Run, clock: Clock) -> tuple[History | None, d
     with clock.phase("march"):
         marched = reduced.march(small, Scheme(), run.step, _steps(model, run), start=start, exact_uplift=True)
         history = marched.history(small)
-    return history, {"vectors": basis.size}
+    return history, {"vectors": basis.size, "blocks": blocks}
 
 
 def run_all(
-    scene: Scene, table: Sequence[Run], comm: Any, say: Callable[[str], None] = lambda _: None
+    scene: Scene, table: Sequence[Run], comm: Any, progress: Callable[[Outcome], None] = lambda _: None
 ) -> tuple[list[Outcome], dict[tuple[str, Mesh], float]]:
     """Make the runs, mesh by mesh, and return their outcomes and one factorisation's seconds by case and mesh (collective)."""
     outcomes: list[Outcome] = []
@@ -281,6 +275,5 @@ def run_all(
             for run in table:
                 if (run.case, run.mesh) == (case, mesh):
                     outcomes.append(execute(model, run))
-                    done = outcomes[-1]
-                    say(f"{case}, {mesh.name(scene)}, {run.method}, {run.setting}: {done.total:.3f} s{f' ({done.ended})' if done.ended else ''}")
+                    progress(outcomes[-1])
     return outcomes, units

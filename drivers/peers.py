@@ -7,6 +7,7 @@ import pickle
 import subprocess
 import sys
 import tempfile
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -14,12 +15,12 @@ from typing import Any
 import numpy as np
 
 from drivers.pareto_cases import INSTANTS, MESH_STEP, SPREAD, Mesh, Run, edge_shares, foot, spread
-from drivers.pareto_errors import Trace, open_time
+from drivers.pareto_errors import Trace, errors, open_time
 from drivers.scene import Scene
 
 HERE = Path(__file__).parent
-PEERS = {"OpenSeesPy": HERE / "peer_opensees.py", "scipy loop": HERE / "peer_scipy.py"}
-OWN = "this project"
+OWN, SCIPY, OPENSEES = "this project", "scipy loop", "OpenSeesPy"
+SCRIPTS = {OPENSEES: HERE / "peer_opensees.py", SCIPY: HERE / "peer_scipy.py"}
 
 FULL, PART = 20_000, 40
 """Dofs up to which OpenSeesPy makes all steps; beyond, so many, and the time of all is scaled from them."""
@@ -129,7 +130,7 @@ def run_peer(program: str, python: str, scene: Scene, mesh: Mesh, steps: int, me
     with tempfile.TemporaryDirectory(prefix="uplift-peer-") as folder:
         files = [str(Path(folder) / name) for name in ("problem.npz", "answer.npz")]
         np.savez(files[0], **given)
-        subprocess.run([python, str(PEERS[program]), *files], check=True, capture_output=True, text=True)
+        subprocess.run([python, str(SCRIPTS[program]), *files], check=True, capture_output=True, text=True)
         with np.load(files[1]) as loaded:
             answer = dict(loaded)
     tension = given["contact_stiffness"][given["observed_nodes"]] * answer["rise"]
@@ -182,3 +183,9 @@ def without_joint_mass(scene: Scene) -> Scene:
     """Return the scene without the point masses between supports and contacts, which the peers' springs do not have."""
     supports = tuple(replace(support, mass=0.0) for support in scene.model.supports)
     return replace(scene, model=replace(scene.model, supports=supports))
+
+
+def differences(measured: Sequence[Measured]) -> dict[tuple[str, Mesh], np.ndarray]:
+    """Return how far each peer is from this project on the same mesh and step, (3,) relative."""
+    own = {m.mesh: m.trace for m in measured if m.program == OWN and m.trace is not None}
+    return {(m.program, m.mesh): errors(m.trace, own[m.mesh]) for m in measured if m.trace is not None and m.mesh in own}
