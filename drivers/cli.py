@@ -124,7 +124,7 @@ def _parser() -> argparse.ArgumentParser:
     pareto.add_argument("--out", type=Path, default=Path("docs/pareto.md"), metavar="FILE.md", help="default: %(default)s")
     pareto.add_argument("--quick", action="store_true", help="fewer and smaller meshes, in three minutes")
     pareto.add_argument("--peers", action="store_true",
-                        help="measure OpenSeesPy too, installed on request into a virtual environment in the cache folder, and a scipy loop")
+                        help="measure OpenSeesPy too, installed on request into a virtual environment in the cache, and a scipy loop")
     pareto.add_argument("--quiet", action="store_true", help="print errors only")
     pareto.add_argument("--into", type=Path, help=argparse.SUPPRESS)  # the parts that run in a process of their own
     pareto.add_argument("--peer-mesh", type=int, help=argparse.SUPPRESS)

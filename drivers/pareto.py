@@ -9,6 +9,7 @@ import tempfile
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ import numpy as np
 
 from drivers import peers
 from drivers.output import all_or_nothing, writable_folder
-from drivers.pareto_cases import AS_PUBLISHED, Mesh, Run, foot, reference_runs, runs
+from drivers.pareto_cases import AS_PUBLISHED, MESH_STEP, Mesh, Run, foot, reference_runs, runs
 from drivers.pareto_errors import Reference, Trace, errors, extrapolated, extrapolated_twice
 from drivers.pareto_orders import observed
 from drivers.pareto_page import Study, page, tables
@@ -126,7 +127,8 @@ def reference(case: str, quick: bool, traces: Mapping[Run, Trace]) -> Reference:
     if not in_mesh:
         return extrapolated(in_step, finest)
     factors = [str(run.mesh.factor) for run in mesh_runs]
-    words = f"{finest} on biquadratic cells {step_runs[0].mesh.factor} times finer; cells {', '.join(factors)} times finer, step {mesh_runs[0].step:g} s"
+    on_cells = f"on biquadratic cells {step_runs[0].mesh.factor} times finer"
+    words = f"{finest} {on_cells}; cells {', '.join(factors)} times finer, step {mesh_runs[0].step:g} s"
     return extrapolated_twice(in_step, in_mesh, coarser, words)
 
 
@@ -170,20 +172,18 @@ def _peers(scene: Scene, options: Options, progress: Callable[[str], None]) -> t
     python, version = peers.opensees()
     remarks = [f"OpenSeesPy {version}." if python else f"OpenSeesPy could not be installed: {version}"]
     assert scene.transient is not None
-    steps = round(scene.transient.duration / peers.MESH_STEP)
+    steps = round(scene.transient.duration / MESH_STEP)
     measured: list[peers.Measured] = []
     for factor in (1, 4) if options.quick else (1, 4, 16, 32):
         mesh = Mesh(factor)
-        attempts: list[tuple[str, Callable[[], peers.Measured]]] = [
-            (peers.OWN, lambda mesh=mesh: peers.run_own(options.scene, mesh)),  # type: ignore[misc]  # bound in the loop
-            (peers.SCIPY, lambda mesh=mesh: peers.run_peer(peers.SCIPY, sys.executable, scene, mesh, steps, steps)),  # type: ignore[misc]
-        ]
+        few = steps if _dofs(scene, mesh) <= peers.FULL else min(steps, peers.PART)
+        attempts: dict[str, Callable[[], peers.Measured]] = {
+            peers.OWN: partial(peers.run_own, options.scene, mesh),
+            peers.SCIPY: partial(peers.run_peer, peers.SCIPY, sys.executable, scene, mesh, steps, steps),
+        }
         if python:
-            few = steps if _dofs(scene, mesh) <= peers.FULL else min(steps, peers.PART)
-            attempts.append(
-                (peers.OPENSEES, lambda mesh=mesh, few=few: peers.run_peer(peers.OPENSEES, python, scene, mesh, steps, few))  # type: ignore[misc]
-            )
-        for name, attempt in attempts:
+            attempts[peers.OPENSEES] = partial(peers.run_peer, peers.OPENSEES, python, scene, mesh, steps, few)
+        for name, attempt in attempts.items():
             try:
                 measured.append(attempt())
                 progress(f"peers: {name}, {measured[-1].dofs} dofs: {measured[-1].preparation + measured[-1].march:.2f} s")

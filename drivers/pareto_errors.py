@@ -90,8 +90,8 @@ def extrapolated(levels: Sequence[Trace], made_of: str, order: float = 2.0) -> R
 def extrapolated_twice(in_step: Sequence[Trace], in_mesh: Sequence[Trace], coarser: Sequence[Trace], made_of: str) -> Reference:
     """Extrapolate in the mesh, and add what the extrapolation in the step changes.
 
-    `in_step` holds three levels of the step on one mesh and, last, the run on it with the step of `in_mesh`; `coarser` the same on a coarser
-    mesh. Error estimates add up: of the mesh, of the step, and by how much the change by the step depends on the mesh.
+    `in_step` holds three levels of the step on one mesh and, last, the run on it with the step of `in_mesh`; `coarser` the same on a
+    coarser mesh. Error estimates add up: of the mesh, of the step, and by how much the change by the step depends on the mesh.
     """
     mesh = extrapolated(in_mesh, made_of)
     changes = [(extrapolated(levels[:3], made_of), levels[3]) for levels in (in_step, coarser)]

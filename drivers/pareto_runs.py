@@ -21,7 +21,6 @@ from drivers.pareto_cases import (
     Mesh,
     Run,
     edge_shares,
-    foot,
     on_mesh,
     spread,
 )
@@ -162,6 +161,7 @@ def execute(model: Model, run: Run) -> Outcome:
 
 
 def execute_once(model: Model, run: Run) -> Outcome:
+    """Make one run once (collective); what the method or its solver refuses becomes the way it ended."""
     clock = Clock()
     method: Callable[[Model, Run, Clock], tuple[History | None, dict[str, Any]]]
     if run.method in SCHEMES or run.method == NEWMARK_2:

@@ -5,12 +5,15 @@ with next to no stiffness for the consistent mass; supports: zero-length springs
 node first. The ground motion acts as nodal loads -M 1_x a(t). Rayleigh damping, with the initial stiffness, on the plate alone.
 """
 
+from __future__ import annotations
+
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-import openseespy.opensees as ops
+import openseespy.opensees as ops  # type: ignore[import-not-found]  # in the peers' own environment
 
 NO_STIFFNESS = 1e-9
 """Part of Young's modulus that the elements have which are there for their mass."""
@@ -20,7 +23,7 @@ TOLERANCE = 1e-6
 """N: norm of the unbalanced forces at which a step ends."""
 
 
-def build(p):
+def build(p: dict[str, Any]) -> None:
     """Build the plate, its springs and its static loads."""
     ops.wipe()
     ops.model("basic", "-ndm", 2, "-ndf", 2)
@@ -38,8 +41,8 @@ def build(p):
         ops.element("bbarQuad", n + e, *corners, thickness, 2)
     ops.region(1, "-eleRange", 1, 2 * n, "-rayleigh", float(p["beta"]), 0.0, float(p["alpha"]), 0.0)
     ground, element, material = len(p["nodes"]) + 1, 2 * n + 1, 3
-    for kind, nodes, stiffness in (("ENT", p["contact_nodes"], p["contact_stiffness"]), ("Elastic", p["spring_nodes"], p["spring_stiffness"])):
-        for i, k in zip(nodes, stiffness):
+    for kind, springs in (("ENT", "contact"), ("Elastic", "spring")):
+        for i, k in zip(p[f"{springs}_nodes"], p[f"{springs}_stiffness"], strict=True):
             x, y = p["nodes"][i]
             ops.node(ground, float(x), float(y))
             ops.fix(ground, 1, 1)
@@ -52,25 +55,25 @@ def build(p):
         ops.load(i, 0.0, -float(mass * p["gravity"]))
 
 
-def analysis(dofs, integrator, kind):
+def analysis(dofs: int, integrator: tuple, kind: str) -> None:
     """Set up Newton's method with one of the direct solvers."""
     ops.wipeAnalysis()
     ops.constraints("Plain")
     ops.numberer("RCM")
-    ops.system(*(("BandSPD",) if dofs <= BANDED else ("Mumps",)))
+    ops.system("BandSPD" if dofs <= BANDED else "Mumps")
     ops.test("NormUnbalance", TOLERANCE, 50)
     ops.algorithm("Newton")
     ops.integrator(*integrator)
     ops.analysis(kind)
 
 
-def memory(kind):
+def memory(kind: str) -> int:
     """Return the present (VmRSS) or the largest (VmHWM) memory of this process in bytes."""
     lines = Path("/proc/self/status").read_text(encoding="ascii").splitlines()
     return next(1024 * int(line.split()[1]) for line in lines if line.startswith(kind))
 
 
-def main(problem, answer):
+def main(problem: str, answer: str) -> None:
     """Solve the problem and write histories and seconds."""
     before = memory("VmRSS")
     p = dict(np.load(problem))

@@ -1,24 +1,27 @@
 """The plate on compression-only springs as a bare loop in numpy and scipy. Runs by itself: python peer_scipy.py PROBLEM.npz ANSWER.npz.
 
-It imports nothing of this project: the least that the problem costs in Python. Newmark's average acceleration with every spring bonded and one
-sparse factorisation; the forces that open springs must not carry follow at each step from the small problem of the contacts.
+It imports nothing of this project: the least that the problem costs in Python. Newmark's average acceleration with every spring
+bonded and one sparse factorisation; the forces that open springs must not carry follow at each step from the small problem of the contacts.
 """
+
+from __future__ import annotations
 
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
 
-def element(size, young, poisson, density, thickness):
+def element(size: np.ndarray, young: float, poisson: float, density: float, thickness: float) -> tuple[np.ndarray, np.ndarray]:
     """Return stiffness and consistent mass (8, 8) of a rectangle of plane stress with sides `size` (2,) m, corners counter-clockwise."""
     law = young / (1 - poisson**2) * np.array([[1, poisson, 0], [poisson, 1, 0], [0, 0, (1 - poisson) / 2]])
     signs = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
     area, stiffness, mass = size[0] * size[1], np.zeros((8, 8)), np.zeros((8, 8))
-    for xi in np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) / np.sqrt(3):
+    for xi in signs / np.sqrt(3):
         factors = (1 + signs * xi) / 2
         slopes = signs / size * factors[:, ::-1]
         strain = np.zeros((3, 8))
@@ -29,8 +32,8 @@ def element(size, young, poisson, density, thickness):
     return stiffness, mass
 
 
-def assemble(p):
-    """Return stiffness with every spring, plate stiffness, mass (sparse, free dofs only) and the rows (n_nodes, 2) of the dofs, -1 if held."""
+def assemble(p: dict[str, Any]) -> tuple[Any, Any, Any, np.ndarray]:
+    """Return stiffness with every spring, plate's stiffness and mass (free dofs) and the rows (n_nodes, 2) of the dofs, -1 if held."""
     free = np.ones((len(p["nodes"]), 2), dtype=bool)
     free[p["held_sideways"], 0] = False
     rows = np.where(free, np.cumsum(free.ravel()).reshape(free.shape) - 1, -1)
@@ -46,12 +49,12 @@ def assemble(p):
     return (plate + sparse.diags(diagonal)).tocsc(), plate, mass, rows
 
 
-def factorise(matrix):
+def factorise(matrix: Any) -> Any:
     """Return the factors of a symmetric positive definite matrix."""
     return splu(matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
 
 
-def release(tension, compliance, opened):
+def release(tension: np.ndarray, compliance: np.ndarray, opened: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the forces (n_c,) N that open contacts must be spared, and which are open, from the tensions (n_c,) N of the bonded ones.
 
     `compliance` (n_c, n_c): tension per unit force.
@@ -68,13 +71,13 @@ def release(tension, compliance, opened):
     raise SystemExit("the open contacts of a step cannot be found")
 
 
-def memory(kind):
+def memory(kind: str) -> int:
     """Return the present (VmRSS) or the largest (VmHWM) memory of this process in bytes."""
     lines = Path("/proc/self/status").read_text(encoding="ascii").splitlines()
     return next(1024 * int(line.split()[1]) for line in lines if line.startswith(kind))
 
 
-def main(problem, answer):
+def main(problem: str, answer: str) -> None:
     """Solve the problem and write histories and seconds."""
     before = memory("VmRSS")
     p = dict(np.load(problem))

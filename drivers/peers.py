@@ -96,7 +96,8 @@ def misfit(scene: Scene) -> str:
 
 
 def _on_node(plate: Any, point: Any) -> bool:
-    return all(abs(c / size - round(c / size)) < 1e-9 for c, size in zip(point, (plate.width / plate.nx, plate.height / plate.ny), strict=False))
+    places = point[0] * plate.nx / plate.width, point[1] * plate.ny / plate.height
+    return all(abs(place - round(place)) < 1e-9 for place in places)
 
 
 def environment() -> Path:
@@ -141,8 +142,8 @@ def run_peer(program: str, python: str, scene: Scene, mesh: Mesh, steps: int, me
     )
     build, static, march = answer["seconds"]
     return Measured(
-        program, mesh, int(answer["dofs"]), float(build + static), float(march * steps / measured), *map(float, answer["memory"]),
-        trace if measured == steps else None, measured, steps,
+        program, mesh, int(answer["dofs"]), float(build + static), float(march * steps / measured),
+        float(answer["memory"][0]), float(answer["memory"][1]), trace if measured == steps else None, measured, steps,
     )
 
 
@@ -152,7 +153,8 @@ def run_own(scene_path: Path, mesh: Mesh) -> Measured:
         into = Path(folder) / "answer"
         command = [sys.executable, "-m", "drivers", "pareto", str(scene_path), "--peer-mesh", str(mesh.factor), "--into", str(into)]
         subprocess.run(command, check=True, capture_output=True, text=True)
-        return pickle.loads(into.read_bytes())
+        measured: Measured = pickle.loads(into.read_bytes())
+        return measured
 
 
 def measure_own(scene: Scene, mesh: Mesh, comm: Any) -> Measured:
