@@ -150,7 +150,8 @@ def test_refused_run_says_why(short, comm):
 def test_peers_say_what_they_cannot(sdls119a, change):
     assert peers.misfit(sdls119a) == ""
     support = replace(sdls119a.model.supports[0], **change)
-    assert peers.misfit(replace(sdls119a, model=replace(sdls119a.model, supports=(support,)))) in ("a gap or a preload", "a foot that can slide")
+    words = peers.misfit(replace(sdls119a, model=replace(sdls119a.model, supports=(support,))))
+    assert words in ("a gap or a preload", "a foot that can slide")
 
 
 def test_scipy_loop_has_the_same_answer(short, comm):
@@ -178,7 +179,8 @@ def study_of(scene, seconds, scored, reference_error):
     ]
     reference = Reference(trace(1.0), np.full(3, reference_error), "runs")
     return pareto_page.Study(
-        scene, outcomes, np.array(scored), {(AS_PUBLISHED, Mesh()): 0.1}, {AS_PUBLISHED: reference}, [], [], [], "none", "command", "page", 1.0
+        scene, outcomes, np.array(scored), {(AS_PUBLISHED, Mesh()): 0.1}, {AS_PUBLISHED: reference}, [], [], [], "none", "command",
+        "page", 1.0,
     )
 
 
