@@ -6,16 +6,19 @@ import logging
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from drivers.runtime import form_compiler, silent_compiler
 from drivers.scene import Scene
+from forms.kinematics import choose, degree_of
 from forms.model import AssembledPlate, assemble_plate, compile_plate
 from forms.operators import Operators
-from meshes.tagged import TaggedMesh, build_plate
+from meshes.panels import Panels
+from meshes.plate import Plate
+from meshes.tagged import TaggedMesh, build_mesh
 from solvers.history import History
 from solvers.passes import Passes
 
@@ -108,11 +111,26 @@ class Analysis:
 
 def prepare(scene: Scene, comm: Any) -> Plant:
     """Mesh, compile and assemble a scene (collective)."""
-    clock = Clock()
+    clock, model, source = Clock(), scene.model, scene.plate
+    kind = ""
+    if isinstance(source, Panels):  # which of its points are nodes anyway depends on the degree
+        source = replace(source, degree=degree_of(choose(scene.kinematics, model, source.flat), source.degree, source.cell))
+
+    def layout(flat: bool, order: int) -> tuple[int, int]:
+        """Say whether the mesh shall lie in the plane or in space, and of which order it shall be."""
+        nonlocal kind
+        kind = choose(scene.kinematics, model, flat)
+        curved = isinstance(source, Plate) and kind == "plane stress"
+        return 3 if kind == "shell" else 2, min(source.degree or 1, 2) if curved else order
+
     with clock.phase("mesh"):
-        tagged = build_plate(comm, scene.plate)
+        tagged = build_mesh(comm, source, layout)
+    degree = degree_of(kind, source.degree, tagged.mesh.ufl_domain().ufl_cell().cellname())
     with clock.phase("forms and compilation"), silent_compiler():
-        compiled = compile_plate(tagged, scene.plate.degree, scene.model.material, form_compiler(comm))
+        compiled = compile_plate(
+            tagged, kind, degree, form_compiler(comm),
+            rotary_inertia=scene.kinematics.rotary_inertia, pressure=bool(model.pressures),
+        )
     with clock.phase("assembly"):
-        assembled = assemble_plate(compiled, scene.model)
+        assembled = assemble_plate(compiled, model)
     return Plant(scene, tagged, assembled, clock)

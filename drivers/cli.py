@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from drivers import runtime
-from drivers.request import METHODS, Request
+from drivers.request import Request
+from drivers.scene import METHODS
 from meshes.checked import ModelError
 from solvers.errors import SolverError
 
@@ -194,6 +195,8 @@ def _run(options: argparse.Namespace, begin: float) -> int:
         start_up = time.perf_counter() - begin
         with prepare(scene, comm) as plant:
             plant.clock.add("start-up", start_up)
+            if request.method == "harmonic":
+                return _respond(plant, out, options)
             analysis = analyse(plant, request)
             write_run(plant, analysis, out, plots=not options.no_plots)
             if not options.quiet:
@@ -203,6 +206,15 @@ def _run(options: argparse.Namespace, begin: float) -> int:
             if analysis.failed:
                 _complain(_failure(analysis.passes, options.scene))
                 return FAILED
+    return 0
+
+
+def _respond(plant: Plant, out: Path, options: argparse.Namespace) -> int:
+    from drivers.harmonic import respond
+
+    lines = respond(plant, out, plots=not options.no_plots)
+    if not options.quiet:
+        runtime.say("\n".join([*lines, f"seconds: {plant.clock.line()}", f"files in {out}"]))
     return 0
 
 
@@ -282,8 +294,8 @@ def _mesh(options: argparse.Namespace, begin: float) -> int:
 
     scene = read_scene(options.scene)
     writable_folder(options.out.absolute().parent)
-    write_mesh(scene.plate, options.out)
-    runtime.say(f"{options.out}: {scene.plate.nx} x {scene.plate.ny} cells")
+    cells = write_mesh(scene.plate, options.out)
+    runtime.say(f"{options.out}: {cells} cells")
     return 0
 
 

@@ -15,6 +15,10 @@ from drivers.analysis import Plant, prepare
 from drivers.output import processor, versions, writable_folder
 from drivers.runtime import say
 from drivers.scene import Scene
+from meshes.checked import ModelError
+from meshes.imported import MeshFile
+from meshes.panels import Panels
+from meshes.plate import Plate
 from solvers.newmark import Newmark, State, static_state, transient
 from solvers.parameters import Scheme
 
@@ -45,12 +49,22 @@ class Row:
 
 
 def refined(scene: Scene, factor: int) -> Scene:
-    """Return the scene on a mesh refined by `factor` in both directions."""
-    return replace(scene, plate=replace(scene.plate, nx=scene.plate.nx * factor, ny=scene.plate.ny * factor))
+    """Return the scene on a mesh refined by `factor` in both directions. Raises `ModelError` for a mesh from a file."""
+    mesh = scene.plate
+    if isinstance(mesh, MeshFile):
+        raise ModelError("mesh.file", "expected a mesh that the program makes: one from a file cannot be refined")
+    if isinstance(mesh, Panels):
+        return replace(scene, plate=replace(mesh, size=mesh.size / factor))
+    return replace(scene, plate=replace(mesh, nx=mesh.nx * factor, ny=mesh.ny * factor))
 
 
 def on_a_line(scene: Scene, supports: int) -> Scene:
-    """Return the scene on a line of so many supports that share the stiffness of its own, one under each bottom node."""
+    """Return the scene on a line of so many supports that share the stiffness of its own, one under each bottom node.
+
+    Raises `ModelError` for a scene that is no rectangle on supports.
+    """
+    if not (isinstance(scene.plate, Plate) and scene.model.supports):
+        raise ModelError("mesh", "expected a rectangle on supports")
     own = scene.model.supports[0]
     nx, width = supports - 1, scene.plate.width
     share = own.stiffness[own.axis] * len(own.points) / supports

@@ -29,8 +29,9 @@ LEDGER_DOFS = 50_000
 
 
 def analyse(plant: Plant, request: Request) -> Analysis:
-    """Run one method (collective)."""
-    run = {"transient": _transient, "time-frequency": _time_frequency, "modal": _modal}[request.method]
+    """Run one method (collective). Raises `ModelError` where it needs a static state and nothing holds the plate."""
+    request.check_held(plant.scene, plant.assembled.loose)
+    run = {"transient": _transient, "time-frequency": _time_frequency, "modal": _modal, "static": _static}[request.method]
     return run(plant, request)
 
 
@@ -98,6 +99,20 @@ def _transient(plant: Plant, request: Request) -> Analysis:
         problem = method.compliance.problem if method.compliance else None
         tries = problem.tries / max(problem.solved, 1) if problem else None
         return Analysis("transient", passes, exact, tries=tries, lifted=None if passes.ended == "diverged" else share.result())
+
+
+def _static(plant: Plant, request: Request) -> Analysis:
+    operators = plant.operators
+    with plant.clock.phase("solution"), static_state(operators, exact_uplift=True) as state:
+        here = np.real(state.displacement.array_r).copy()
+        observed = [operators.probes, operators.contacts.elongation] + ([operators.reactions.functionals] if operators.reactions else [])
+        probes, elongation, *resultants = (f.total(f.partial(here))[None] for f in observed)
+        release = state.release[None]
+    reactions = operators.reactions.values(resultants[0], release) if operators.reactions else np.zeros((1, 0))
+    share = _LiftedShare(plant, np.zeros(1))
+    share.watch(0, here)
+    history = History(np.zeros(1), probes, elongation, release, reactions, 0, here)
+    return Analysis("static", Passes([history], number=1), True, lifted=share.result())
 
 
 def _time_frequency(plant: Plant, request: Request) -> Analysis:

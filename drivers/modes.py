@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import csv
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from drivers.analysis import Plant
-from drivers.output import all_or_nothing, versions, write_summary
+from drivers.output import all_or_nothing, versions, write_columns, write_summary
 from drivers.scene import Scene
 from meshes.checked import ModelError
 from meshes.gather import WholeMesh, gather_mesh, gather_nodal
@@ -78,8 +77,9 @@ def _rigid_modes(plant: Plant) -> tuple[int, float]:
 
     The shift is that of a wave which crosses the plate in 1 s / sqrt(-shift), so of the size of its lowest eigenvalues.
     """
-    material, plate = plant.scene.model.material, plant.scene.plate
-    shift = -float(f"{material.young / material.density / max(plate.width, plate.height) ** 2:.1g}")
+    material, x = plant.scene.model.material, plant.tagged.mesh.geometry.x
+    extent = plant.operators.comm.allreduce(float(np.max(np.ptp(x, axis=0), initial=0.0)), op=max)
+    shift = -float(f"{material.young / material.density / extent ** 2:.1g}")
     level = logging.root.manager.disable
     logging.disable(logging.INFO)  # nobody asked for these modes
     try:
@@ -94,7 +94,9 @@ class ModeTable:
 
     found: Modes
     masses: np.ndarray
-    """(n_modes, 2) kg, along X and Y."""
+    """(n_modes, n_axes) kg."""
+    axes: tuple[str, ...]
+    """Along which the plate can move."""
     total: float
     """kg, plate and point masses."""
 
@@ -116,10 +118,8 @@ class ModeTable:
             "frequency [Hz]": self.found.frequencies,
             "period [s]": self.periods,
             "damping [%]": 100 * self.found.damping,
-            "mass X [kg]": self.masses[:, 0],
-            "mass X [%]": 100 * self.masses[:, 0] / self.total,
-            "mass Y [kg]": self.masses[:, 1],
-            "mass Y [%]": 100 * self.masses[:, 1] / self.total,
+            **{f"mass {axis} [{unit}]": values for axis, kg in zip(self.axes, self.masses.T, strict=True)
+               for unit, values in (("kg", kg), ("%", 100 * kg / self.total))},
             "residual": self.found.residuals,
         }
 
@@ -130,8 +130,9 @@ class ModeTable:
     def lines(self) -> list[str]:
         """Return the table as it is printed, with the sums of the masses at its foot."""
         lines = [
-            f"{'mode':>5}{'frequency':>18}{'period':>14}{'damping':>10}{'mass X':>15}{'':>9}{'mass Y':>15}{'':>9}{'residual':>10}",
-            f"{'':>5}{'[Hz]':>18}{'[s]':>14}{'[%]':>10}{'[kg]':>15}{'[%]':>9}{'[kg]':>15}{'[%]':>9}",
+            f"{'mode':>5}{'frequency':>18}{'period':>14}{'damping':>10}"
+            + "".join(f"{f'mass {axis}':>15}{'':>9}" for axis in self.axes) + f"{'residual':>10}",
+            f"{'':>5}{'[Hz]':>18}{'[s]':>14}{'[%]':>10}" + f"{'[kg]':>15}{'[%]':>9}" * len(self.axes),
         ]
         for n, f, period, damping, *masses, residual in zip(*self.columns().values(), strict=True):
             lines.append(f"{n:>5}{f:>18.12g}{period:>14.8g}{damping:>10.4f}{_masses(masses)}{residual:>10.1e}")
@@ -163,7 +164,8 @@ def tabulate_modes(plant: Plant, wanted: Wanted, folder: Path, *, plots: bool) -
     """Find the modes, write their files into `folder` on rank 0, and return the lines to print (collective)."""
     with plant.clock.phase("modes"):
         found = find_modes(plant, wanted)
-        table = ModeTable(found, effective_masses(found, plant.assembled.translations), plant.assembled.total_mass)
+        rigid = plant.assembled.translations
+        table = ModeTable(found, effective_masses(found, list(rigid.values())), tuple(rigid), plant.assembled.total_mass)
     with plant.clock.phase("output"):
         mesh, shapes = _gathered_shapes(plant, found)
         if mesh is not None and shapes is not None:
@@ -175,15 +177,6 @@ def tabulate_modes(plant: Plant, wanted: Wanted, folder: Path, *, plots: bool) -
                     _draw(staging / "modes.png", plant, mesh, table.labels(), shapes)
     title = f"{plant.scene.title or 'Uplift'}: {plant.operators.n} dofs, {table.total:,.1f} kg, every contact bonded"
     return [title, "", *table.lines(), "", table.count(), table.orthonormality()]
-
-
-def write_columns(path: Path, columns: Mapping[str, np.ndarray]) -> None:
-    """Write named columns (n,); numbers with all digits of a double, nothing for nan."""
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(columns)
-        for row in zip(*(column.tolist() for column in columns.values()), strict=True):
-            writer.writerow(["" if value != value else repr(value) if isinstance(value, float) else value for value in row])
 
 
 def _gathered_shapes(plant: Plant, found: Modes) -> tuple[WholeMesh | None, np.ndarray | None]:
@@ -202,8 +195,7 @@ def _write_shapes(path: Path, mesh: WholeMesh, labels: list[str], shapes: np.nda
     """Write each shape as a vector field, which ParaView warps."""
     import meshio
 
-    vectors = np.concatenate([shapes, np.zeros((*shapes.shape[:2], 3 - shapes.shape[2]))], axis=2)
-    meshio.Mesh(mesh.points, [(mesh.cell_type, mesh.cells)], point_data=dict(zip(labels, vectors, strict=True))).write(path)
+    meshio.Mesh(mesh.points, [(mesh.cell_type, mesh.cells)], point_data=dict(zip(labels, shapes, strict=True))).write(path)
 
 
 def _draw(path: Path, plant: Plant, mesh: WholeMesh, labels: list[str], shapes: np.ndarray) -> None:
@@ -211,11 +203,11 @@ def _draw(path: Path, plant: Plant, mesh: WholeMesh, labels: list[str], shapes: 
 
     model = plant.scene.model
     held = {
-        "support": np.array([p for support in model.supports for p in support.points]).reshape(-1, 2),
-        "plain spring": np.array([p for spring in model.springs for p in spring.points]).reshape(-1, 2),
+        "support": np.array([p for support in model.supports for p in support.points]).reshape(-1, 3),
+        "plain spring": np.array([p for spring in model.springs for p in spring.points]).reshape(-1, 3),
     }
     title = f"{plant.scene.title or 'Uplift'}\nfirst {min(DRAWN, len(labels))} of {len(labels)} modes, every contact bonded"
-    plots.draw_modes(path, mesh, labels[:DRAWN], shapes[:DRAWN, :, :2], held, title)
+    plots.draw_modes(path, mesh, labels[:DRAWN], shapes[:DRAWN], held, title)
 
 
 def _summary(plant: Plant, table: ModeTable) -> dict[str, Any]:
@@ -231,8 +223,8 @@ def _summary(plant: Plant, table: ModeTable) -> dict[str, Any]:
         "first_mode": int(table.numbers[0]),
         "frequencies_Hz": found.frequencies.tolist(),
         "damping_ratios": found.damping.tolist(),
-        "effective_masses_kg": {axis: table.masses[:, i].tolist() for i, axis in enumerate("XY")},
-        "sum_of_effective_masses": {axis: float(table.masses[:, i].sum() / table.total) for i, axis in enumerate("XY")},
+        "effective_masses_kg": {axis: table.masses[:, i].tolist() for i, axis in enumerate(table.axes)},
+        "sum_of_effective_masses": {axis: float(table.masses[:, i].sum() / table.total) for i, axis in enumerate(table.axes)},
         "sturm_count": {
             "lower_rad2_s2": found.sturm.lower, "upper_rad2_s2": found.sturm.upper,
             "below_lower": found.sturm.below_lower, "below_upper": found.sturm.below_upper, "inside": found.sturm.inside,

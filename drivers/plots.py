@@ -47,7 +47,7 @@ def draw_history(
             axis.plot(times, 1e3 * last[:, column], lw=1.6, label=name if first is None else f"{name}, last pass")
             if first is not None:
                 axis.plot(times, 1e3 * first[:, column], color="0.2", lw=0.7, ls="--", label=f"{name}, pass 1")
-        axis.set_ylabel(f"{component} [mm]")
+        axis.set_ylabel(f"{component} [{'mrad' if component.startswith('DR') else 'mm'}]")
         axis.legend(loc="upper right", fontsize=8)
     figure.savefig(path, dpi=120)
 
@@ -102,7 +102,7 @@ def draw_uplift(path: Path, times: np.ndarray, lifted: np.ndarray, title: str) -
     figure, axes = _panels(1, title)
     known = np.isfinite(lifted)
     axes[0].plot(times[known], lifted[known], lw=1.2, marker="." if known.sum() < 100 else None)
-    axes[0].set_ylabel("area with DY > 0 [%]")
+    axes[0].set_ylabel("area that has risen [%]")
     axes[0].set_ylim(bottom=0)
     figure.savefig(path, dpi=120)
 
@@ -121,43 +121,132 @@ def _panels(number: int, title: str) -> tuple[Any, Any]:
     return figure, axes
 
 
+class _View:
+    """Where points in space are drawn: from the front if all of them lie and move in the plane XY, else from above one corner."""
+
+    def __init__(self, points: np.ndarray, *moves: np.ndarray) -> None:
+        self.flat = bool(np.ptp(points[:, 2]) == 0 and all(np.max(np.abs(move[:, 2]), initial=0.0) == 0 for move in moves))
+        azimuth, elevation = np.radians(-62.0), np.radians(24.0)
+        self._toward = np.array([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)])
+        self._right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
+        self._up = np.cross(self._toward, self._right)
+
+    def __call__(self, points: np.ndarray) -> np.ndarray:
+        """Return the coordinates (..., 2) on the picture of points (..., 3)."""
+        return points[..., :2] if self.flat else np.stack([points @ self._right, points @ self._up], axis=-1)
+
+    def far_first(self, cells: np.ndarray) -> np.ndarray:
+        """Return the order in which cells (n, corners, 3) are painted."""
+        return np.arange(len(cells)) if self.flat else np.argsort(cells.mean(axis=1) @ self._toward, kind="stable")
+
+    def label(self, axis: Any, extent: float) -> None:
+        """Label the axes of the picture, or draw the three of space into it."""
+        if self.flat:
+            axis.set_xlabel("X [m]")
+            axis.set_ylabel("Y [m]")
+            return
+        axis.set_xticks([])
+        axis.set_yticks([])
+        for spine in axis.spines.values():
+            spine.set_visible(False)
+        low, high = np.array(axis.get_xlim()), np.array(axis.get_ylim())
+        corner = np.array([low[0], high[0]]) + 0.1 * extent
+        for k, name in enumerate("XYZ"):
+            tip = corner + 0.12 * extent * self(np.eye(3)[k])
+            axis.annotate("", xy=tip, xytext=corner, arrowprops={"arrowstyle": "->", "color": "0.3", "lw": 1.0})
+            axis.text(*(corner + 1.25 * (tip - corner)), name, fontsize=9, color="0.3", ha="center", va="center")
+
+
+def _paint(axis: Any, view: _View, points: np.ndarray, cells: np.ndarray, colours: np.ndarray | None, **style: Any) -> Any:
+    """Paint cells (n, corners) of points (n_points, 3), filled by `colours` (n,) or as a grey net."""
+    from matplotlib.collections import PolyCollection
+
+    order = view.far_first(points[cells])
+    many = len(cells) > 4000
+    shown = view(points[cells[order]])
+    if colours is None:
+        faces = PolyCollection(shown, facecolors="none", edgecolors="0.8", linewidths=0.0 if many else 0.8, **style)
+    else:
+        edges = {"edgecolors": "face" if many else "white", "linewidths": 0.0 if many else 0.4}
+        faces = PolyCollection(shown, array=colours[order], cmap="viridis", **edges, **style)
+    axis.add_collection(faces)
+    return faces
+
+
 def draw_deformed(
     path: Path, mesh: WholeMesh, displacement: np.ndarray, supports: np.ndarray, open_: np.ndarray, title: str
 ) -> None:
-    """Draw the plate as meshed and as deformed, to scale with the displacement (n, 2) m enlarged.
+    """Draw the plate as meshed and as deformed, to scale with the displacement (n, 3) m enlarged.
 
-    `supports` (n_c, 2) m are the supports, `open_` (n_c,) tells which of them have lifted.
+    `supports` (n_c, 3) m are the supports, `open_` (n_c,) tells which of them have lifted.
     """
-    from matplotlib.collections import PolyCollection
-
-    plain = mesh.points[:, :2]
+    plain, corners = mesh.points, mesh.corners
+    view = _View(plain, displacement)
     extent = float(np.max(np.ptp(plain, axis=0)))
     largest = float(np.max(np.abs(displacement), initial=0.0))
     factor = _round_down(0.08 * extent / largest) if largest > 0 else 1.0
-    moved = plain + factor * displacement
     figure = _new_figure(7.4, 7.4)
     axis = figure.add_subplot()
-    corners = mesh.corners
-    many = len(corners) > 4000
-    axis.add_collection(PolyCollection(plain[corners], facecolors="none", edgecolors="0.8", linewidths=0.0 if many else 0.8))
-    magnitude = 1e3 * np.linalg.norm(displacement, axis=1)[corners].mean(axis=1)
-    faces = PolyCollection(
-        moved[corners], array=magnitude, cmap="viridis", edgecolors="face" if many else "white", linewidths=0.0 if many else 0.4
-    )
-    axis.add_collection(faces)
     if len(supports):
-        size = 0.03 * extent
+        below = view(supports) - np.array([0.0, 0.03 * extent])
         for mark, colour, label in ((~open_, "tab:blue", "support in contact"), (open_, "tab:red", "support lifted off")):
             if mark.any():
-                axis.plot(supports[mark, 0], supports[mark, 1] - size, "^", color=colour, ms=9, label=label)
+                size, layer = 9 if len(supports) <= 20 else 4, 1 if view.flat else 0
+                axis.plot(*below[mark].T, "^", color=colour, ms=size, label=label, zorder=layer)
         axis.legend(loc="upper center", bbox_to_anchor=(0.5, -0.09), ncols=2, fontsize=9, frameon=False)
+    _paint(axis, view, plain, corners, None)
+    magnitude = 1e3 * np.linalg.norm(displacement, axis=1)[corners].mean(axis=1)
+    faces = _paint(axis, view, plain + factor * displacement, corners, magnitude)
     figure.colorbar(faces, ax=axis, label="displacement relative to the base [mm]", shrink=0.8)
     axis.set_aspect("equal")
     axis.autoscale_view()
     axis.margins(0.06)
-    axis.set_xlabel("X [m]")
-    axis.set_ylabel("Y [m]")
+    view.label(axis, extent)
     figure.suptitle(_wrapped(title, 85) + f"\ndisplacements x {factor:g}", fontsize=10)
+    figure.savefig(path, dpi=120)
+
+
+def draw_bed(path: Path, points: np.ndarray, force: np.ndarray, gap: np.ndarray, row: int, title: str) -> None:
+    """Draw the bed under a plate in plan, at the instant `row` and over all instants.
+
+    Contacts at `points` (n_c, 3) m, forces (n_c, nt) N, gaps (n_c, nt) m.
+    """
+    flat = points[:, np.sort(np.argsort(np.ptp(points, axis=0))[1:])]
+    names = [("X [m]", "Y [m]", "Z [m]")[k] for k in np.sort(np.argsort(np.ptp(points, axis=0))[1:])]
+    extent = float(np.max(np.ptp(flat, axis=0)))
+    size = (330.0 / max(np.sqrt(len(points)), 4.0)) ** 2 * 0.35
+    panels = (
+        ("gap at this instant [mm]", 1e3 * gap[:, row], "YlOrRd"), ("force at this instant [kN]", 1e-3 * force[:, row], "viridis"),
+        ("largest gap [mm]", 1e3 * gap.max(axis=1), "YlOrRd"), ("largest force [kN]", 1e-3 * force.max(axis=1), "viridis"),
+    )
+    figure = _new_figure(10.5, 9.6)
+    for axis, (label, values, colours) in zip(figure.subplots(2, 2, sharex=True, sharey=True).flat, panels, strict=True):
+        lifted = gap[:, row] > 0 if "instant" in label else gap.max(axis=1) > 0
+        shown = axis.scatter(*flat.T, c=values, s=size, marker="s", cmap=colours, edgecolors="0.6", linewidths=0.4)
+        axis.scatter(*flat[lifted].T, s=0.12 * size, marker="o", facecolors="white", edgecolors="black", linewidths=0.6)
+        figure.colorbar(shown, ax=axis, label=label, shrink=0.8)
+        axis.set_aspect("equal")
+        axis.set_xlim(flat[:, 0].min() - 0.08 * extent, flat[:, 0].max() + 0.08 * extent)
+        axis.set_ylim(flat[:, 1].min() - 0.08 * extent, flat[:, 1].max() + 0.08 * extent)
+    for axis in figure.axes[2:4]:
+        axis.set_xlabel(names[0])
+    for axis in (figure.axes[0], figure.axes[2]):
+        axis.set_ylabel(names[1])
+    figure.suptitle(_wrapped(title, 100) + "\ndots: contacts that are open at the instant (above) or ever (below)", fontsize=10)
+    figure.savefig(path, dpi=120)
+
+
+def draw_response(path: Path, frequencies: np.ndarray, names: tuple[str, ...], values: np.ndarray, title: str) -> None:
+    """Draw modulus and phase of complex answers (n_f, n) over frequencies (n_f,) in Hz."""
+    figure, axes = _panels(2, title)
+    for name, column in zip(names, values.T, strict=True):
+        axes[0].semilogy(frequencies, np.maximum(np.abs(column), 1e-300), lw=1.3, label=name)
+        axes[1].plot(frequencies, np.degrees(np.angle(column)), lw=1.0, label=name)
+    axes[0].set_ylabel("modulus [m or rad]")
+    axes[1].set_ylabel("phase [degrees]")
+    axes[1].set_yticks([-180, -90, 0, 90, 180])
+    axes[1].set_xlabel("f [Hz]")
+    axes[0].legend(loc="upper right", fontsize=8, ncols=2)
     figure.savefig(path, dpi=120)
 
 
@@ -174,38 +263,37 @@ def _round_down(value: float) -> float:
 def draw_modes(
     path: Path, mesh: WholeMesh, labels: list[str], shapes: np.ndarray, held: dict[str, np.ndarray], title: str
 ) -> None:
-    """Draw mode shapes (n_modes, n_nodes, 2), largest displacement 1, one panel each.
+    """Draw mode shapes (n_modes, n_nodes, 3), largest displacement 1, one panel each.
 
-    `held` are the points (n, 2) m where supports or springs of each kind hold the plate.
+    `held` are the points (n, 3) m where supports or springs of each kind hold the plate.
     """
-    from matplotlib.collections import PolyCollection
-
-    plain, corners = mesh.points[:, :2], mesh.corners
+    plain, corners = mesh.points, mesh.corners
+    view = _View(plain, *shapes)
+    seen = view(plain)
     extent = float(np.max(np.ptp(plain, axis=0)))
-    span_x, span_y = (float(s) for s in np.ptp(plain, axis=0) + 0.3 * extent)
+    span_x, span_y = (float(s) for s in np.ptp(seen, axis=0) + 0.3 * extent)
     across = min(len(labels), 3)
     down = -(-len(labels) // across)
     width = min(3.4, 4.4 * span_x / span_y)
     figure = _new_figure(max(across * (width + 0.15) + 1.6, 6.0), down * (width * span_y / span_x + 0.3) + 1.3)
     axes = figure.subplots(down, across, squeeze=False, sharex=True, sharey=True)
-    many = len(corners) > 4000
     marks = {"support": {"marker": "^", "color": "tab:red"}, "plain spring": {"marker": "D", "color": "tab:orange", "mfc": "none"}}
     for axis in axes.flat[len(labels) :]:
         axis.set_axis_off()
     for axis, label, shape in zip(axes.flat, labels, shapes, strict=False):
-        moved = (plain + 0.12 * extent * shape)[corners]
         size = np.linalg.norm(shape, axis=1)[corners].mean(axis=1)
-        axis.add_collection(PolyCollection(plain[corners], facecolors="none", edgecolors="0.8", linewidths=0.0 if many else 0.8))
-        edges = {"edgecolors": "face" if many else "white", "linewidths": 0.0 if many else 0.4}
-        faces = PolyCollection(moved, array=size, cmap="viridis", clim=(0.0, 1.0), **edges)
-        axis.add_collection(faces)
+        _paint(axis, view, plain, corners, None)
+        faces = _paint(axis, view, plain + 0.12 * extent * shape, corners, size, clim=(0.0, 1.0))
         for kind, points in held.items():
             if len(points):
-                axis.plot(*points.T, ls="none", ms=6, clip_on=False, zorder=3, label=kind, **marks[kind])
+                marked = {"ls": "none", "ms": 6 if len(points) <= 20 else 2.5, "label": kind, **marks[kind]}
+                axis.plot(*view(points).T, clip_on=False, zorder=3, **marked)
         axis.set_title(label, fontsize=10)
         axis.set_aspect("equal")
-        axis.set_xlim(plain[:, 0].min() - 0.15 * extent, plain[:, 0].max() + 0.15 * extent)
-        axis.set_ylim(plain[:, 1].min() - 0.15 * extent, plain[:, 1].max() + 0.15 * extent)
+        axis.set_xlim(seen[:, 0].min() - 0.15 * extent, seen[:, 0].max() + 0.15 * extent)
+        axis.set_ylim(seen[:, 1].min() - 0.15 * extent, seen[:, 1].max() + 0.15 * extent)
+        if not view.flat:
+            axis.set_axis_off()
     for axis in axes[-1]:
         axis.set_xlabel("X [m]")
     for axis in axes[:, 0]:

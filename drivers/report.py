@@ -11,7 +11,6 @@ from drivers.analysis import Analysis, Plant
 from drivers.output import all_or_nothing, versions, write_history, write_summary
 from meshes.gather import WholeMesh, gather_mesh, gather_nodal
 
-REACTIONS = ("base shear [N]", "vertical reaction [N]", "overturning moment [N m]")
 OPEN = "open contacts [%]"
 
 FEW_INSTANTS = 5
@@ -54,7 +53,10 @@ def tables(plant: Plant, analysis: Analysis) -> dict[str, dict[str, np.ndarray]]
             f"{name} gap [m]": gap[:, i] for i, name in enumerate(contacts.names)
         }
     if history.reactions.shape[1]:
-        result["reactions"] = {name: history.reactions[:, i] for i, name in enumerate(REACTIONS)}
+        reactions = plant.operators.reactions
+        assert reactions is not None
+        named = [f"{name} [{'N m' if 'moment' in name else 'N'}]" for name in reactions.functionals.names]
+        result["reactions"] = {name: history.reactions[:, i] for i, name in enumerate(named)}
         if contacts.names:
             lifted = history.release[:, : contacts.law.n_contacts] > 0
             result["reactions"][OPEN] = 100.0 * lifted.mean(axis=1)
@@ -94,17 +96,24 @@ def _draw(plant: Plant, analysis: Analysis, folder: Path, mesh: WholeMesh | None
     from drivers import plots
 
     history, recorded, passes = analysis.final, tables(plant, analysis), analysis.passes
+    in_time = len(history.times) > 1
     how = "uplift exact at every step" if analysis.exact else f"{passes.number} published passes"
     title = f"{plant.scene.title or 'Uplift'}\n{analysis.method}, {how}"
     first = passes.histories[0].probes if passes.number > 1 else None
-    plots.draw_history(folder / "history.png", history.times, plant.operators.probes.names, history.probes, first, title)
+    if in_time:
+        plots.draw_history(folder / "history.png", history.times, plant.operators.probes.names, history.probes, first, title)
     contacts = plant.operators.contacts
     if "contacts" in recorded:
         n = len(contacts.names)
         columns = list(recorded["contacts"].values())
-        plots.draw_contacts(folder / "contacts.png", history.times, contacts.names, np.stack(columns[:n]), np.stack(columns[n:]), title)
+        force, gap = np.stack(columns[:n]), np.stack(columns[n:])
+        if in_time:
+            plots.draw_contacts(folder / "contacts.png", history.times, contacts.names, force, gap, title)
+        if np.sum(np.ptp(contacts.points, axis=0) > 0) == 2:
+            row = int(np.argmax(gap.max(axis=0)))
+            plots.draw_bed(folder / "bed.png", contacts.points, force, gap, row, f"{title}, t = {history.times[row]:g} s")
     for name, drawn in (("reactions", plots.draw_reactions), ("energy", plots.draw_energy)):
-        if name in recorded:
+        if name in recorded and in_time:
             drawn(folder / f"{name}.png", history.times, recorded[name], title)
     if analysis.lifted is not None and np.sum(np.isfinite(analysis.lifted)) > FEW_INSTANTS:
         plots.draw_uplift(folder / "uplift.png", history.times, analysis.lifted, title)
@@ -117,11 +126,10 @@ def _draw(plant: Plant, analysis: Analysis, folder: Path, mesh: WholeMesh | None
 
 
 def _write_deformed(path: Path, mesh: WholeMesh, displacement: np.ndarray) -> None:
-    """Write the plate with its displacement (n, 2) m as a vector field, which ParaView warps."""
+    """Write the plate with its displacement (n, 3) m as a vector field, which ParaView warps."""
     import meshio
 
-    vector = np.column_stack([displacement, np.zeros(len(displacement))])
-    meshio.Mesh(mesh.points, [(mesh.cell_type, mesh.cells)], point_data={"displacement [m]": vector}).write(path)
+    meshio.Mesh(mesh.points, [(mesh.cell_type, mesh.cells)], point_data={"displacement [m]": displacement}).write(path)
 
 
 def _summary(plant: Plant, analysis: Analysis) -> dict[str, Any]:

@@ -8,8 +8,6 @@ from drivers.runtime import Scalars
 from drivers.scene import Scene
 from meshes.checked import ModelError
 
-METHODS = ("transient", "time-frequency", "modal")
-
 
 @dataclass(frozen=True)
 class Request:
@@ -24,23 +22,40 @@ class Request:
     @property
     def scalars(self) -> Scalars:
         """The build of PETSc that the method needs."""
-        return "complex" if self.method == "time-frequency" else "real"
+        return "complex" if self.method in ("time-frequency", "harmonic") else "real"
 
     def check(self, scene: Scene) -> None:
         """Raise `ModelError` if the scene does not say what the method needs, or holds what the passes cannot do."""
-        section = "fourier" if self.method == "time-frequency" and self.passes else "transient"
-        if getattr(scene, section) is None:
+        section = self._section()
+        if section and getattr(scene, section) is None:
             raise ModelError(section, f"missing; the method {self.method} needs the section [{section}]")
         if self.method == "modal" and scene.modal is None:
             raise ModelError("modal", "missing; the method modal needs the section [modal]")
+        if not scene.model.probes:
+            raise ModelError("probes", "expected at least one [[probes]] with a name and a point")
+        if self.passes and self.method in ("static", "harmonic"):
+            raise ModelError("run.iterations", f"the method {self.method} knows no published passes")
         if self.passes and any(s.unilateral and s.sideways == "released" for s in scene.model.supports):
             raise ModelError("supports", "the published passes cannot release a support sideways; leave out --iterations")
-        start = scene.transient.start if scene.transient else ""
-        loose = scene.model.free_motions()
-        if loose and (section == "fourier" or start != "rest" or (self.method == "modal" and scene.modal and scene.modal.shift == 0)):
+        if self._from_rest(scene) and any(s.unilateral and s.settlement != 0 for s in scene.model.supports):
+            raise ModelError("transient.start", "expected 'static' or 'settled' where a support has a gap or a preload")
+
+    def check_held(self, scene: Scene, loose: tuple[str, ...]) -> None:
+        """Raise `ModelError` if the method needs a static state and nothing holds the plate against the motions `loose`."""
+        moving = self.method == "harmonic" or (
+            self._from_rest(scene) and not (self.method == "modal" and scene.modal and scene.modal.shift == 0)
+        )
+        if loose and not moving:
             raise ModelError(
                 "supports", f"nothing holds the plate against {' and '.join(loose)}: it has no static state; hold it by a spring, "
                 "or let a transient run begin with start = 'rest'"
             )
-        if start == "rest" and any(s.unilateral and s.settlement != 0 for s in scene.model.supports):
-            raise ModelError("transient.start", "expected 'static' or 'settled' where a support has a gap or a preload")
+
+    def _section(self) -> str:
+        """Return the section of the scene that the method reads, if any."""
+        if self.method in ("static", "harmonic"):
+            return "harmonic" if self.method == "harmonic" else ""
+        return "fourier" if self.method == "time-frequency" and self.passes else "transient"
+
+    def _from_rest(self, scene: Scene) -> bool:
+        return self._section() == "transient" and scene.transient is not None and scene.transient.start == "rest"

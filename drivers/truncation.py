@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 
 from drivers.analysis import Plant
-from drivers.modes import Wanted, find_modes, write_columns
-from drivers.output import all_or_nothing, versions, write_summary
+from drivers.modes import Wanted, find_modes
+from drivers.output import all_or_nothing, versions, write_columns, write_summary
 from drivers.scene import Transient
 from meshes.checked import ModelError
 from solvers import newmark, reduced

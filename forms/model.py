@@ -1,9 +1,9 @@
-"""A plane-stress plate on springs and joints: from a tagged mesh and its parameters to the operators of the model."""
+"""A plate or shell on springs and joints: from a tagged mesh and its parameters to the operators of the model."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, fields
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -14,29 +14,47 @@ from dolfinx.fem.petsc import assemble_matrix, assemble_vector
 from petsc4py import PETSc
 from scipy import sparse
 
-from forms import membrane
+from forms import membrane, shell
+from forms.conditions import held_dofs
+from forms.facets import Facet, common_normal, facet_of
+from forms.joints import Joints, rigid_value
+from forms.kinematics import up_of
 from forms.material import Material
+from forms.nodes import at_nodes
 from forms.numbering import Numbering
-from forms.operators import Contacts, Functionals, LiftedArea, Load, Operators, Reactions
-from forms.parameters import PlateModel, Probe
+from forms.operators import Functionals, LiftedArea, Load, Operators
+from forms.parameters import Force, Part, PlateModel, Pressure
 from forms.points import interpolation, owned_nodes
+from forms.rigid import free_motions
 from forms.signals import Constant
-from forms.supports import AXES, JointTerm, Spring, Support, joint_term
-from forms.uplift import UpliftLaw
+from forms.supports import AXES, TRANSLATIONS
 from meshes.checked import ModelError
-from meshes.releases import compile_form, vector_space
+from meshes.releases import compile_form, piecewise_constant_space, vector_space
 from meshes.tagged import TaggedMesh
 
 
 @dataclass
 class CompiledForms:
-    """The compiled forms of a plate; `direction` is the unit acceleration (2,) that the inertia form is assembled for."""
+    """The compiled forms of a plate or shell: no other than its kinematics and loads need."""
 
+    tagged: TaggedMesh
+    kind: str
+    degree: int
+    components: tuple[str, ...]
     space: Any
     stiffness: Any
     mass: Any
-    inertia: Any
-    direction: Any
+    pressure: Any | None
+    """Load vector of `value`, None where no pressure acts."""
+    material: SimpleNamespace
+    """Fields of the material, functions with one value a cell."""
+    value: Any | None
+    """Pressure along the normal of each cell, Pa."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What was compiled."""
+        return ("stiffness", "mass") + (("pressure",) if self.pressure is not None else ())
 
 
 @dataclass
@@ -46,13 +64,17 @@ class AssembledPlate:
     operators: Operators
     space: Any
     numbering: Numbering
+    kind: str
+    components: tuple[str, ...]
     total_mass: float
     """kg, plate and point masses."""
-    translations: tuple[Any, Any]
-    """Mass times a rigid translation by 1 m along X and along Y, PETSc vectors in kg."""
+    translations: dict[str, Any]
+    """Axis -> mass times a rigid translation by 1 m along it, PETSc vectors in kg, for the axes along which the plate can move."""
     lifted_area: LiftedArea
     joint_mass: float
-    """kg, of the point masses alone."""
+    """kg, of the point masses of joints alone."""
+    loose: tuple[str, ...]
+    """Rigid motions, in words, that nothing resists with all contacts closed."""
 
     def __enter__(self) -> AssembledPlate:
         """Return itself."""
@@ -61,314 +83,345 @@ class AssembledPlate:
     def __exit__(self, *args: object) -> None:
         """Destroy the operators and vectors."""
         self.operators.__exit__(*args)
-        for vector in self.translations:
+        for vector in self.translations.values():
             vector.destroy()
 
     def displacement(self, values: np.ndarray) -> np.ndarray:
-        """Return the nodal displacements (owned and ghost nodes, 2) m from this rank's part of a solution (collective)."""
+        """Return the nodal displacements (owned and ghost nodes, 3) m from this rank's part of a solution (collective)."""
         u = dolfinx.fem.Function(self.space)
         u.x.array[: self.numbering.n_field] = self.numbering.field(values)
         u.x.scatter_forward()
-        return np.real(u.x.array).reshape(-1, 2).copy()
-
-
-def as_constants(material: Material, mesh: Any) -> Any:
-    """Return the material's numbers as constants of `mesh`, so that another value needs no new compilation."""
-    values = {field.name: getattr(material, field.name) for field in fields(material)}
-    return SimpleNamespace(**{n: dolfinx.fem.Constant(mesh, PETSc.ScalarType(v)) for n, v in values.items()})
+        nodal = np.real(u.x.array).reshape(-1, len(self.components))
+        moved = np.zeros((len(nodal), TRANSLATIONS))
+        for column, name in enumerate(self.components):
+            if name[1:] in AXES[:TRANSLATIONS]:
+                moved[:, AXES.index(name[1:])] = nodal[:, column]
+        return moved
 
 
 def compile_plate(
-    tagged: TaggedMesh, degree: int, material: Material, compiler: Callable[[Any], Any] = compile_form
+    tagged: TaggedMesh,
+    kind: str,
+    degree: int,
+    compiler: Callable[[Any], Any] = compile_form,
+    *,
+    rotary_inertia: bool = False,
+    pressure: bool = False,
 ) -> CompiledForms:
-    """Compile stiffness, mass and inertia of a membrane of `degree`, integrated with degree + 1 Gauss points a direction."""
-    space = vector_space(tagged.mesh, degree, 2)
-    u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
-    constants = as_constants(material, tagged.mesh)
-    direction = dolfinx.fem.Constant(tagged.mesh, np.zeros(2, dtype=PETSc.ScalarType))
-    dx = ufl.Measure("dx", domain=tagged.mesh, metadata={"quadrature_degree": 2 * degree})
+    """Compile what the kinematics `kind` of `forms.kinematics` needs, for a displacement of `degree` (collective).
+
+    All material constants are functions of the cell, so that other values and other groups need no new compilation.
+    """
+    mesh, constants = tagged.mesh, piecewise_constant_space(tagged.mesh)
+    material = SimpleNamespace(**{field.name: dolfinx.fem.Function(constants) for field in fields(Material)})
+    dx = ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": 2 * degree})
+    value = dolfinx.fem.Function(constants) if pressure else None
+    if kind == "plane stress":
+        components: tuple[str, ...] = ("DX", "DY")
+        space = vector_space(mesh, degree, 2)
+        u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
+        return CompiledForms(
+            tagged, kind, degree, components, space,
+            compiler(membrane.stiffness(u, v, material, dx)), compiler(membrane.mass(u, v, material, dx)), None, material, None,
+        )
+    facet = facet_of(mesh)
+    layout = shell.shell_space(mesh, degree, _shell_components(tagged) if kind == "shell" else None)
+    trial, test = ufl.TrialFunction(layout.space), ufl.TestFunction(layout.space)
+    (u, theta), (v, psi) = layout.fields(trial), layout.fields(test)
+    stiffness = _shell_stiffness(layout, facet, (u, theta), (v, psi), material, dx)
+    mass = shell.mass(u, v, material, dx)
+    if rotary_inertia:
+        mass += shell.rotary_inertia(theta, psi, material, facet, dx)
+    load = None if value is None else compiler(shell.pressure(value, v, facet, dx))
     return CompiledForms(
-        space,
-        compiler(membrane.stiffness(u, v, constants, dx)),
-        compiler(membrane.mass(u, v, constants, dx)),
-        compiler(membrane.inertia(direction, v, constants, dx)),
-        direction,
+        tagged, kind, degree, layout.components, layout.space, compiler(stiffness), compiler(mass), load, material, value
     )
 
 
-def assemble_plate(forms: CompiledForms, model: PlateModel) -> AssembledPlate:
-    """Assemble the operators (collective). Raises `ModelError` for a support, spring or probe that does not fit the mesh."""
-    joints = _Joints(forms.space, model)
-    numbering = Numbering(forms.space, np.zeros(0, dtype=int), joints.n_extra)
-    fields = []
-    for form in (forms.stiffness, forms.mass):
+def _shell_components(tagged: TaggedMesh) -> tuple[str, ...]:
+    """Return the components of a shell: a flat one whose normal is an axis does without the rotation about it."""
+    normal = common_normal(tagged.mesh)
+    if normal is None or np.max(np.abs(normal)) < 1 - 1e-12:
+        return shell.COMPONENTS
+    return tuple(name for name in shell.COMPONENTS if name != f"DR{AXES[int(np.argmax(np.abs(normal)))]}")
+
+
+def _shell_stiffness(layout: shell.ShellSpace, facet: Facet, trial: Any, test: Any, material: Any, dx: Any) -> Any:
+    (u, theta), (v, psi) = trial, test
+    bent = shell.bending(theta, psi, material, facet, dx) + shell.shear(u, theta, v, psi, material, facet, dx, layout.degree)
+    if layout.components == shell.PLATE_COMPONENTS:
+        return bent
+    whole = shell.membrane(u, v, material, facet, dx) + bent
+    if len(layout.components) == len(shell.COMPONENTS):
+        whole += shell.drilling(u, theta, v, psi, material, facet, dx)
+    return whole
+
+
+class _Field:
+    """Matrices and vectors over all dofs of the space, before any dof is left out."""
+
+    def __init__(self, forms: CompiledForms, model: PlateModel) -> None:
+        self.forms = forms
+        self.tagged = forms.tagged
+        self._cells = {part.group: self._cells_of(part) for part in model.parts}
+        self.materials = [model.material, *(part.material for part in model.parts)]
+        self.model = model
+
+    def _cells_of(self, part: Part) -> np.ndarray:
+        try:
+            return self.tagged.cells(part.group)
+        except ModelError as error:
+            raise ModelError(f"parts[{part.group}]", error.message) from None
+
+    def set_material(self, **factors: Callable[[Material], float]) -> None:
+        """Set every material function; `factors` name fields that are multiplied by a number of the material."""
+        for field in fields(Material):
+            function = getattr(self.forms.material, field.name)
+            factor = factors.get(field.name, lambda _: 1.0)
+            function.x.array[:] = getattr(self.model.material, field.name) * factor(self.model.material)
+            for part in self.model.parts:
+                function.x.array[self._cells[part.group]] = getattr(part.material, field.name) * factor(part.material)
+
+    def matrix(self, form: Any) -> Any:
+        """Assemble a matrix with the present material."""
         matrix = assemble_matrix(form)
         matrix.assemble()
-        fields.append(matrix)
-    material = model.material
-    damped = material.alpha > 0 or material.beta > 0
+        return matrix
+
+    def area(self, group: str) -> np.ndarray:
+        """Return the area (n_owned nodes,) in m2 of a group of cells that belongs to each node (collective)."""
+        cells = self.tagged.cells(group)
+        self.set_material()
+        density, thickness = self.forms.material.density.x.array, self.forms.material.thickness.x.array
+        inside = np.zeros(len(density))
+        inside[cells] = 1.0
+        density[:] = inside / thickness
+        mass = self.matrix(self.forms.mass)
+        ones, shares = mass.createVecRight(), mass.createVecLeft()
+        block = len(self.forms.components)
+        ones.array.reshape(-1, block)[:, 0] = 1.0
+        mass.mult(ones, shares)
+        area: np.ndarray = np.real(shares.array_r.reshape(-1, block)[:, 0]).copy()
+        for thing in (mass, ones, shares):
+            thing.destroy()
+        return area
+
+    def rigid(self, motion: int, center: np.ndarray) -> np.ndarray:
+        """Return the rigid motion along or about an axis (n_field,) at the owned nodes."""
+        owned = self.forms.space.dofmap.index_map.size_local
+        at = self.forms.space.tabulate_dof_coordinates()[:owned]
+        values = np.zeros((owned, len(self.forms.components)))
+        for column, name in enumerate(self.forms.components):
+            axis = AXES.index(name[1:])
+            if axis >= TRANSLATIONS or motion < TRANSLATIONS:
+                values[:, column] = rigid_value(at[0], axis, motion, center) if owned else 0.0
+            else:
+                turn = np.eye(3)[motion - TRANSLATIONS]
+                values[:, column] = np.cross(turn, at - center)[:, axis]
+        return values.ravel()
+
+    def pressure(self, pressure: Pressure) -> np.ndarray:
+        """Return the load vector (n_field,) of a pressure (collective)."""
+        value = self.forms.value
+        assert value is not None
+        value.x.array[:] = 0.0 if pressure.group else pressure.value
+        if pressure.group:
+            value.x.array[self.tagged.cells(pressure.group)] = pressure.value
+        vector = assemble_vector(self.forms.pressure)
+        vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+        owned = self.forms.space.dofmap.index_map.size_local * len(self.forms.components)
+        values: np.ndarray = vector.array_r[:owned].copy()
+        vector.destroy()
+        return values
+
+
+def assemble_plate(forms: CompiledForms, model: PlateModel) -> AssembledPlate:
+    """Assemble the operators (collective). Raises `ModelError` for what does not fit the mesh, named by its key."""
+    field = _Field(forms, model)
+    field.model = model = _spelled_out(forms, field, model)
+    held = held_dofs(model.conditions, forms.tagged, forms.space, forms.components, forms.kind)
+    joints = Joints(forms.space, forms.components, forms.kind, model)
+    joints.refuse_held(held)
+    numbering = Numbering(forms.space, held, joints.n_extra)
     bonded, unilateral, extra_mass = joints.matrices(numbering)
+    field.set_material()
+    matrices = [field.matrix(forms.stiffness), field.matrix(forms.mass)]
     extras = [(bonded + unilateral).tocoo(), extra_mass]
+    damped = any(material.alpha > 0 or material.beta > 0 for material in field.materials)
     if damped:
-        damping = fields[0].duplicate(copy=True)
-        damping.scale(material.alpha)
-        damping.axpy(material.beta, fields[1], structure=PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
-        fields.append(damping)
+        matrices.append(_damping(forms, field, matrices))
         extras.append(sparse.coo_matrix((numbering.n_local, numbering.n_local)))
-    stiffness, mass, *rest = numbering.matrices(fields, extras)
-    for matrix in fields:
+    stiffness, mass, *rest = numbering.matrices(matrices, extras)
+    inertia = _Inertia(field, numbering, joints, matrices[1])
+    up = up_of(model, forms.kind)
+    loads = _loads(forms, field, numbering, joints, inertia, model)
+    translations = {name[1:]: inertia.vector(AXES.index(name[1:])) for name in forms.components if name[1:] in AXES[:TRANSLATIONS]}
+    total_mass = inertia.total_mass()
+    for matrix in matrices:
         matrix.destroy()
-
-    def inertia_vector(direction: tuple[float, float], factor: float) -> Any:
-        forms.direction.value[:] = direction
-        assembled = assemble_vector(forms.inertia)
-        assembled.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-        vector = numbering.vector(assembled.array[: numbering.n_field])
-        assembled.destroy()
-        vector.array[:] += joints.inertia(numbering, direction)
-        vector.scale(factor)
-        return vector
-
-    loads = []
-    if model.gravity != 0:
-        loads.append(Load("gravity", inertia_vector((0.0, -1.0), model.gravity), Constant(1.0), static=True))
-    for motion in model.motions:
-        loads.append(Load("ground motion", inertia_vector(motion.direction, -1.0), motion.signal))
-    settlement = joints.settlement_load(numbering)
-    if joints.settles:
-        loads.append(Load("gaps and preloads", numbering.vector(None, None), Constant(1.0), static=True, internal=True))
-        loads[-1].vector.array[:] = settlement
-    translations = inertia_vector((1.0, 0.0), 1.0), inertia_vector((0.0, 1.0), 1.0)
-    rigid = _rigid_translation(numbering, joints, 1)
-    total_mass = float(np.real(translations[1].dot(rigid)))
-    rigid.destroy()
     operators = Operators(
         stiffness=stiffness,
         mass=mass,
         damping=rest[0] if damped else None,
         loads=loads,
         contacts=joints.contacts(numbering),
-        probes=_probe_functionals(forms.space, numbering, model.probes),
+        probes=_probe_functionals(forms, numbering, model),
         comm=numbering.comm,
         bonded_springs=bonded,
         unilateral_springs=unilateral,
-        reactions=joints.reactions(numbering, foot_middle(model)),
+        reactions=joints.reactions(numbering),
     )
-    joint_mass = sum(support.mass * len(support.points) for support in model.supports)
-    area = _lifted_area(numbering, translations[1], joints.inertia(numbering, (0.0, 1.0)))
-    return AssembledPlate(operators, forms.space, numbering, total_mass, translations, area, joint_mass)
+    area = _lifted_area(forms, field, numbering, up)
+    joint_mass = sum(support.mass * float(support.factors.sum()) for support in model.supports)
+    loose = free_motions(forms, model, held)
+    return AssembledPlate(
+        operators, forms.space, numbering, forms.kind, forms.components, total_mass, translations, area, joint_mass, loose
+    )
 
 
-def _lifted_area(numbering: Numbering, inertia: Any, of_joints: np.ndarray) -> LiftedArea:
-    """Return the shares of the area, which in a plate of one thickness are those of its mass without the joints'."""
-    plate = np.real(inertia.array_r) - of_joints
-    rows = numbering.local_row[1::2]
-    rows = rows[rows >= 0]
-    weights = plate[rows]
-    return LiftedArea(rows, weights / numbering.comm.allreduce(float(weights.sum())), numbering.comm)
+def _spelled_out(forms: CompiledForms, field: _Field, model: PlateModel) -> PlateModel:
+    """Return the model with the points of whatever stands on a group of the mesh."""
+    found: dict[str, Any] = {}
+    for key in ("supports", "springs", "masses", "forces"):
+        placed = []
+        for group in getattr(model, key):
+            try:
+                placed.append(at_nodes(group, forms.tagged, forms.space, forms.degree, field.area))
+            except ModelError as error:
+                where = f"{'load' if key == 'forces' else key}[{group.name}]"
+                raise ModelError(f"{where}.{error.key or 'group'}", error.message) from None
+        found[key] = tuple(placed)
+    return replace(model, **found)
 
 
-def _rigid_translation(numbering: Numbering, joints: _Joints, axis: int) -> Any:
-    field_values = np.zeros(numbering.n_field)
-    field_values[axis::2] = 1.0
-    return numbering.vector(field_values, joints.rigid_translation(axis))
+def _damping(forms: CompiledForms, field: _Field, matrices: list[Any]) -> Any:
+    """Return alpha K + beta M, each material with its own alpha and beta (the stiffness is linear in E, the mass in rho)."""
+    alphas, betas = ({getattr(m, name) for m in field.materials} for name in ("alpha", "beta"))
+    if len(alphas) == 1 and len(betas) == 1:
+        damping = matrices[0].duplicate(copy=True)
+        damping.scale(alphas.pop())
+        mass, beta = matrices[1], betas.pop()
+    else:
+        field.set_material(young=lambda m: m.alpha, density=lambda m: m.beta)
+        damping, mass, beta = field.matrix(forms.stiffness), field.matrix(forms.mass), 1.0
+    damping.axpy(beta, mass, structure=PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+    if mass is not matrices[1]:
+        mass.destroy()
+    return damping
 
 
-def _probe_functionals(space: Any, numbering: Numbering, probes: tuple[Probe, ...]) -> Functionals:
+class _Inertia:
+    """The mass of the whole model times rigid motions of the base."""
+
+    def __init__(self, field: _Field, numbering: Numbering, joints: Joints, mass: Any) -> None:
+        self._field, self._numbering, self._joints, self._mass = field, numbering, joints, mass
+
+    def _of_field(self, motion: int, center: np.ndarray) -> np.ndarray:
+        moved, force = self._mass.createVecRight(), self._mass.createVecLeft()
+        moved.array[:] = self._field.rigid(motion, center)
+        self._mass.mult(moved, force)
+        values: np.ndarray = np.real(force.array_r).copy()
+        moved.destroy()
+        force.destroy()
+        return values
+
+    def vector(self, motion: int, center: np.ndarray | None = None) -> Any:
+        """Return the mass times the unit rigid motion along or about an axis through `center` (PETSc vector of the system)."""
+        center = np.zeros(3) if center is None else center
+        vector = self._numbering.vector(self._of_field(motion, center))
+        vector.array[:] += self._joints.inertia(self._numbering, motion, center)
+        return vector
+
+    def total_mass(self) -> float:
+        """Return the mass in kg of plate, joints and point masses, held nodes included (collective)."""
+        axis = next(AXES.index(name[1:]) for name in self._field.forms.components)
+        here = float(self._field.rigid(axis, np.zeros(3)) @ self._of_field(axis, np.zeros(3)))
+        model = self._field.model
+        points = sum(group.mass * float(group.factors.sum()) for groups in (model.supports, model.masses) for group in groups)
+        return float(self._numbering.comm.allreduce(here)) + points
+
+
+def _loads(
+    forms: CompiledForms, field: _Field, numbering: Numbering, joints: Joints, inertia: _Inertia, model: PlateModel
+) -> list[Load]:
+    loads = []
+    if model.gravity != 0:
+        vector = inertia.vector(up_of(model, forms.kind))
+        vector.scale(-model.gravity)
+        loads.append(Load("gravity", vector, Constant(1.0), static=True))
+    for motion in model.motions:
+        total = numbering.vector()
+        for axis, value in enumerate(motion.direction):
+            if value != 0:
+                part = inertia.vector(axis, np.array(motion.center))
+                total.axpy(-value, part)
+                part.destroy()
+        loads.append(Load("ground motion", total, motion.signal))
+    for force in model.forces:
+        vector = _force_vector(force, forms, numbering, joints)
+        loads.append(Load(force.name, vector, force.signal or Constant(1.0), static=force.signal is None))
+    for pressure in model.pressures:
+        try:
+            vector = numbering.vector(field.pressure(pressure))
+        except ModelError as error:
+            raise ModelError(f"load[{pressure.name}].group", error.message) from None
+        loads.append(Load(pressure.name, vector, pressure.signal or Constant(1.0), static=pressure.signal is None))
+    if joints.settles:
+        loads.append(Load("gaps and preloads", numbering.vector(), Constant(1.0), static=True, internal=True))
+        loads[-1].vector.array[:] = joints.settlement_load(numbering)
+    return loads
+
+
+def _force_vector(force: Force, forms: CompiledForms, numbering: Numbering, joints: Joints) -> Any:
+    try:
+        nodes = owned_nodes(forms.space, np.asarray(force.points, dtype=float).reshape(-1, 3), force.name)
+    except ModelError as error:
+        raise ModelError(f"load[{force.name}].points", error.message) from None
+    values = np.zeros(numbering.n_field)
+    for node, share in zip(nodes, force.factors, strict=True):
+        for axis, value in enumerate(force.components):
+            if node >= 0 and value != 0:
+                if axis not in joints.column:
+                    raise ModelError(f"load[{force.name}].components", f"the kinematics {forms.kind!r} has nothing along {AXES[axis]}")
+                values[joints.dof(int(node), axis)] += share * value
+    return numbering.vector(values)
+
+
+def _lifted_area(forms: CompiledForms, field: _Field, numbering: Numbering, up: int) -> LiftedArea:
+    """Return the shares of the area that belong to the vertical displacements of the nodes."""
+    model, name = field.model, f"D{AXES[up]}"
+    if name not in forms.components:
+        return LiftedArea(np.zeros(0, dtype=int), np.zeros(0), numbering.comm)
+    surfaces = [n for n, (d, _) in forms.tagged.groups.items() if d == 2]
+    groups = [model.uplift_group] if model.uplift_group else surfaces
+    try:
+        weights = np.sum([field.area(group) for group in groups], axis=0)
+    except ModelError as error:
+        raise ModelError("output.uplift_group", error.message) from None
+    rows = numbering.local_row[forms.components.index(name) :: len(forms.components)]
+    total = numbering.comm.allreduce(float(weights.sum()))
+    return LiftedArea(rows[rows >= 0], weights[rows >= 0] / total, numbering.comm)
+
+
+def _probe_functionals(forms: CompiledForms, numbering: Numbering, model: PlateModel) -> Functionals:
     names: list[str] = []
     rows: list[int] = []
     columns: list[int] = []
     weights: list[float] = []
-    for probe in probes:
+    block = len(forms.components)
+    for probe in model.probes:
         try:
-            nodes, shape = interpolation(space, np.asarray(probe.point), f"probe {probe.name}")
+            nodes, shape = interpolation(forms.space, np.asarray(probe.point), f"probe {probe.name}")
         except ModelError as error:
             raise ModelError("probes", error.message) from None
-        for axis, component in enumerate(AXES):
-            local = numbering.local_row[2 * nodes + axis]
+        for column, component in enumerate(forms.components):
+            if component[1:] not in AXES[:TRANSLATIONS] and not probe.rotations:
+                continue
+            local = numbering.local_row[block * nodes + column]
             free = local >= 0
             rows += [len(names)] * int(free.sum())
             columns += list(local[free])
             weights += list(shape[free])
-            names.append(f"{probe.name}.D{component}")
+            names.append(f"{probe.name}.{component}")
     local_rows = sparse.csr_matrix((weights, (rows, columns)), shape=(len(names), numbering.n_local))
     return Functionals(tuple(names), local_rows, numbering.comm)
-
-
-def foot_middle(model: PlateModel) -> np.ndarray:
-    """Return the point (2,) m about which moments are taken: the middle of the box that holds all supports and springs."""
-    groups: tuple[Support, ...] | tuple[Spring, ...] = model.supports or model.springs
-    points = [p for group in groups for p in group.points]
-    if not points:
-        return np.zeros(2)
-    return 0.5 * (np.min(points, axis=0) + np.max(points, axis=0))
-
-
-@dataclass(frozen=True)
-class _JointPart:
-    """One component of one joint whose plate node this rank owns."""
-
-    support: Support
-    point: tuple[float, float]
-    axis: int
-    rows: np.ndarray
-    """(2,) rows within this rank: the plate's dof and the joint's own."""
-    term: JointTerm
-    channel: int
-    """Channel of the contact that this component is, or -1 for a bonded one."""
-
-
-class _Joints:
-    """The springs and joints whose plate nodes this rank owns, and the order of all contacts on all ranks."""
-
-    def __init__(self, space: Any, model: PlateModel) -> None:
-        self.supports = model.supports
-        self.springs = [(spring, self._nodes(space, spring, f"springs.{spring.name}")) for spring in model.springs]
-        self._parts: list[tuple[Support, tuple[float, float], int, int, int, int]] = []
-        """(support, point, axis, dof of the plate, extra dof, channel)."""
-        self.names: list[str] = []
-        self.points: list[tuple[float, float]] = []
-        self.of: list[Support] = []
-        """Support of each contact."""
-        self.owner: list[int] = []
-        self.settles = any(support.settlement != 0 for support in model.supports if support.unilateral)
-        self.n_extra = 0
-        normal = sum(len(support.points) for support in model.supports if support.unilateral)
-        sideways: list[int] = []
-        for support in model.supports:
-            nodes = self._nodes(space, support, f"supports.{support.name}")
-            for number, (node, point) in enumerate(zip(nodes, support.points, strict=True), start=1):
-                channels = [-1, -1]
-                if support.unilateral:
-                    contact = len(self.names)
-                    self.names.append(f"{support.name}{number}")
-                    self.points.append(point)
-                    self.of.append(support)
-                    channels[support.axis] = contact
-                    if support.sideways == "released" and np.isfinite(support.flexibility(1 - support.axis)):
-                        channels[1 - support.axis] = normal + len(sideways)
-                        sideways.append(contact)
-                if node >= 0:
-                    self._add(support, point, int(node), channels)
-        self.owner = [*range(normal), *sideways]
-
-    def _add(self, support: Support, point: tuple[float, float], node: int, channels: list[int]) -> None:
-        for axis in range(2):
-            if support.stiffness[axis] == 0 and support.contact[axis] == 0:
-                continue  # nothing holds the auxiliary node here, and nothing ties it to the plate
-            self._parts.append((support, point, axis, 2 * node + axis, self.n_extra, channels[axis]))
-            self.n_extra += 1
-
-    @staticmethod
-    def _nodes(space: Any, group: Spring | Support, key: str) -> np.ndarray:
-        try:
-            return owned_nodes(space, np.asarray(group.points, dtype=float).reshape(-1, 2), group.name)
-        except ModelError as error:
-            raise ModelError(key, error.message) from None
-
-    def parts(self, numbering: Numbering) -> Iterator[_JointPart]:
-        """Give the joint components of this rank."""
-        for support, point, axis, dof, extra, channel in self._parts:
-            rows = np.array([numbering.local_row[dof], numbering.extra_row(extra)])
-            term = joint_term(support.stiffness[axis], support.contact[axis], support.mass)
-            yield _JointPart(support, point, axis, rows, term, channel)
-
-    def spring_ends(self, numbering: Numbering) -> Iterator[tuple[tuple[float, float], int, int, float]]:
-        """Give point, axis, row within this rank and stiffness of each plain spring that is not zero."""
-        for spring, nodes in self.springs:
-            for point, node in zip(spring.points, nodes, strict=True):
-                for axis in range(2):
-                    if node >= 0 and spring.stiffness[axis] > 0:
-                        yield point, axis, int(numbering.local_row[2 * node + axis]), spring.stiffness[axis]
-
-    def matrices(self, numbering: Numbering) -> tuple[sparse.csr_matrix, sparse.csr_matrix, sparse.coo_matrix]:
-        """Return the extra entries in rows of this rank: stiffness of what stays bonded and of what can open, and mass."""
-        shape = (numbering.n_local, numbering.n_local)
-        bonded, unilateral, mass = (sparse.lil_matrix(shape) for _ in range(3))
-        for part in self.parts(numbering):
-            grid = np.ix_(part.rows, part.rows)
-            (bonded if part.channel < 0 else unilateral)[grid] += part.term.stiffness
-            mass[grid] += part.term.mass
-        for _, _, row, value in self.spring_ends(numbering):
-            bonded[row, row] += value
-        return bonded.tocsr(), unilateral.tocsr(), mass.tocoo()
-
-    def inertia(self, numbering: Numbering, direction: tuple[float, float]) -> np.ndarray:
-        """Return the point masses times the unit acceleration `direction`, (n_local,) kg."""
-        vector = np.zeros(numbering.n_local)
-        for part in self.parts(numbering):
-            vector[part.rows] += part.support.mass * direction[part.axis] * part.term.load
-        return vector
-
-    def settlement_load(self, numbering: Numbering) -> np.ndarray:
-        """Return the force (n_local,) N of support springs on ground that lies away from the plate by gap or preload."""
-        vector = np.zeros(numbering.n_local)
-        for part in self.parts(numbering):
-            if 0 <= part.channel < len(self.names):
-                stiffness = part.support.stiffness[part.axis]
-                vector[part.rows] -= stiffness * part.support.sign * part.support.settlement * part.term.load
-        return vector
-
-    def rigid_translation(self, axis: int) -> np.ndarray:
-        """Return the values of the extra dofs when everything moves by 1 m along `axis`."""
-        values = np.zeros(self.n_extra)
-        for support, _, component, _, extra, _ in self._parts:
-            if component == axis:
-                node = joint_term(support.stiffness[axis], support.contact[axis], support.mass).load
-                # The auxiliary node moves with the plate: node . (1, r) = 1.
-                values[extra] = (1.0 - node[0]) / node[1]
-        return values
-
-    def contacts(self, numbering: Numbering) -> Contacts:
-        """Return the contacts of all ranks, with the part of their functionals and forces that lies on this rank."""
-        n_c, n_channels = len(self.names), len(self.owner)
-        elongation = sparse.lil_matrix((n_channels, numbering.n_local))
-        push = sparse.lil_matrix((numbering.n_local, n_channels))
-        for part in self.parts(numbering):
-            if part.channel >= 0:
-                sign = part.support.sign if part.channel < n_c else 1.0
-                elongation[part.channel, part.rows] = sign * part.term.elongation
-                push[part.rows[0], part.channel] = sign
-        supports = [self.of[contact] for contact in self.owner]
-        axes = [s.axis if channel < n_c else 1 - s.axis for channel, s in enumerate(supports)]
-        names = tuple(self.names) + tuple(f"{self.names[c]} sideways" for c in self.owner[n_c:])
-        return Contacts(
-            tuple(self.names),
-            np.asarray(self.points, dtype=float).reshape(-1, 2),
-            Functionals(names, elongation.tocsr(), numbering.comm),
-            push.tocsr(),
-            UpliftLaw(
-                np.array([s.contact[axis] for s, axis in zip(supports, axes, strict=True)]),
-                np.array([s.flexibility(axis) for s, axis in zip(supports, axes, strict=True)]),
-                np.asarray(self.owner, dtype=int),
-            ),
-        )
-
-    def reactions(self, numbering: Numbering, middle: np.ndarray) -> Reactions:
-        """Return the resultants of all spring forces on the plate, moments about the point `middle` (2,) m."""
-        rows = sparse.lil_matrix((3, numbering.n_local))
-        per_release = np.zeros((3, len(self.owner)))
-        constant = np.zeros(3)
-
-        def effects(point: tuple[float, float], axis: int) -> np.ndarray:
-            """Shear, vertical and moment (3,) of a unit force along `axis` at `point`."""
-            arm = np.asarray(point) - middle
-            return np.array([1.0, 0.0, -arm[1]] if axis == 0 else [0.0, 1.0, arm[0]])
-
-        for point, axis, row, value in self.spring_ends(numbering):
-            for k, effect in enumerate(effects(point, axis)):
-                rows[k, row] -= value * effect
-        for part in self.parts(numbering):
-            effect = effects(part.point, part.axis)
-            # The ground's force is that of the support spring; while a contact is open its release force stands against it.
-            stiffness = part.support.stiffness[part.axis]
-            for k in range(3):
-                for row, weight in zip(part.rows, part.term.load, strict=True):
-                    rows[k, row] -= stiffness * weight * effect[k]
-            if part.channel >= 0:
-                normal = part.channel < len(self.names)
-                per_release[:, part.channel] = effect * (part.support.sign if normal else 1.0)
-                if normal:
-                    constant -= effect * stiffness * part.support.sign * part.support.settlement
-        total = Functionals(("base shear", "vertical reaction", "overturning moment"), rows.tocsr(), numbering.comm)
-        return Reactions(total, total.total(per_release), total.total(constant))

@@ -1,4 +1,4 @@
-"""The parameters of a plate model, apart from its mesh."""
+"""The parameters of a model, apart from its mesh."""
 
 from __future__ import annotations
 
@@ -8,8 +8,11 @@ import numpy as np
 
 from forms.material import Material
 from forms.signals import Signal
-from forms.supports import Spring, Support
-from meshes.checked import Checked, quantity
+from forms.supports import AXES, PLACES, Placed, Point, Spring, Support, in_space, six
+from meshes.checked import Checked, ModelError, quantity
+
+CONDITIONS = ("clamped", "hard", "soft", "sliding", "symmetric")
+"""Conditions that a straight edge of a plate can have, see `forms.conditions`."""
 
 
 @dataclass(frozen=True)
@@ -17,45 +20,113 @@ class Probe(Checked):
     """A point whose displacement is recorded."""
 
     name: str = quantity("name of the probe")
-    point: tuple[float, float] = quantity("position, at a node or anywhere in the plate", "m")
+    point: Point = quantity("position, at a node or anywhere in the plate", "m")
+    rotations: bool = quantity("record the rotations too", default=False)
+
+    def check(self) -> None:
+        """Complete the point to three coordinates."""
+        object.__setattr__(self, "point", in_space(self.point))
 
 
 @dataclass(frozen=True)
 class GroundMotion:
-    """Acceleration of the common base of all springs, m/s2 along a direction (2,)."""
+    """Acceleration of the common base of all springs: m/s2 along the axes, rad/s2 about those through `center`."""
 
-    direction: tuple[float, float]
+    direction: tuple[float, ...]
     signal: Signal
+    center: Point = (0.0, 0.0, 0.0)
+    """m."""
+
+    def __post_init__(self) -> None:
+        """Complete direction and centre."""
+        object.__setattr__(self, "direction", six(self.direction))
+        object.__setattr__(self, "center", in_space(self.center))
+
+
+@dataclass(frozen=True)
+class Part:
+    """A group of cells with a material or thickness of its own."""
+
+    group: str
+    material: Material
+
+
+@dataclass(frozen=True)
+class Condition(Checked):
+    """Components that are zero on a group of the mesh, relative to the base."""
+
+    group: str = quantity("group of the mesh: an edge, a surface or a point")
+    zero: tuple[str, ...] = quantity("components that are zero, such as DZ and DRX", default=())
+    edge: str = quantity("condition of a straight edge, instead of components", default="", one_of=("", *CONDITIONS))
+
+    def check(self) -> None:
+        """Either components or a condition by name."""
+        if bool(self.zero) == bool(self.edge):
+            raise ModelError("zero", f"expected either components or edge = one of {', '.join(CONDITIONS)}")
+        for name in self.zero:
+            if name not in [f"D{axis}" for axis in AXES]:
+                raise ModelError("zero", f"expected components out of {', '.join(f'D{axis}' for axis in AXES)}, got {name!r}")
+
+
+@dataclass(frozen=True)
+class Mass(Placed):
+    """Point masses on plate nodes."""
+
+    name: str = quantity("name of the group of masses")
+    points: tuple[Point, ...] = quantity("plate nodes", "m")
+    mass: float = quantity("mass at each point", "kg", above=0.0)
+    shares: tuple[float, ...] = quantity("factor of the mass at each point", default=())
+    group: str = quantity("group of the mesh that carries the masses, instead of points", default="")
+    per: str = quantity("what the mass is meant for", default="points", one_of=PLACES)
+
+
+@dataclass(frozen=True)
+class Force(Placed):
+    """Forces and moments on plate nodes, or spread over a group of the mesh, times a function of time."""
+
+    name: str = quantity("name of the load")
+    points: tuple[Point, ...] = quantity("plate nodes", "m")
+    components: tuple[float, ...] = quantity("along and about the axes", "N or N m, per point, metre or square metre")
+    signal: Signal | None = quantity("function of time; none: a static load that acts at all times", default=None)
+    shares: tuple[float, ...] = quantity("factor of the components at each point", default=())
+    group: str = quantity("group of the mesh that is loaded, instead of points", default="")
+    per: str = quantity("what the components are meant for", default="points", one_of=PLACES)
+
+    def check(self) -> None:
+        """Components are finite and not all zero."""
+        self._set(components=six(self.components))
+        if not np.all(np.isfinite(self.components)):
+            raise ModelError("components", f"expected finite numbers, got {self.components}")
+
+
+@dataclass(frozen=True)
+class Pressure(Checked):
+    """Pressure on a group of cells along their normals, which follow the order of the nodes of each cell."""
+
+    name: str = quantity("name of the load")
+    group: str = quantity("group of cells; empty: all of them", default="")
+    value: float = quantity("pressure along the normal", "Pa", default=0.0)
+    signal: Signal | None = quantity("function of time; none: a static load that acts at all times", default=None)
 
 
 @dataclass(frozen=True)
 class PlateModel:
-    """All that a plate is made of, apart from its mesh."""
+    """All that a plate or shell is made of, apart from its mesh."""
 
     material: Material
+    """Of all cells that belong to no part."""
     supports: tuple[Support, ...] = ()
     springs: tuple[Spring, ...] = ()
     probes: tuple[Probe, ...] = ()
     gravity: float = 0.0
-    """m/s2 along -Y."""
+    """m/s2 against the direction `up`."""
     motions: tuple[GroundMotion, ...] = ()
-
-    def free_motions(self) -> tuple[str, ...]:
-        """Return in words the rigid motions that no spring resists with all contacts closed, however weakly; none if the plate is held."""
-        holds = [(s.points, axis) for s in self.springs for axis in range(2) if s.stiffness[axis] > 0]
-        holds += [(s.points, axis) for s in self.supports for axis in range(2) if np.isfinite(s.flexibility(axis))]
-        points = np.array([p for group, _ in holds for p in group], dtype=float).reshape(-1, 2)
-        if not len(points):
-            return "sliding along X", "moving along Y", "rotation"
-        middle, reach = points.mean(axis=0), max(float(np.ptp(points, axis=0).max()), 1e-300)
-        arms = (points - middle) / reach
-        axes = np.concatenate([np.full(len(group), axis) for group, axis in holds])
-        rows = np.where(
-            axes[:, None] == 0,
-            np.column_stack([np.ones(len(arms)), np.zeros(len(arms)), -arms[:, 1]]),
-            np.column_stack([np.zeros(len(arms)), np.ones(len(arms)), arms[:, 0]]),
-        )
-        _, singular, motions = np.linalg.svd(rows)
-        loose = motions[np.concatenate([singular, np.zeros(3 - len(singular))]) < 1e-9 * max(singular[0], 1.0)]
-        names = ("sliding along X", "moving along Y", "rotation")
-        return tuple(names[int(np.argmax(np.abs(motion)))] for motion in loose)
+    parts: tuple[Part, ...] = ()
+    conditions: tuple[Condition, ...] = ()
+    masses: tuple[Mass, ...] = ()
+    forces: tuple[Force, ...] = ()
+    pressures: tuple[Pressure, ...] = ()
+    up: str = ""
+    """Axis that points up: X, Y or Z; empty: Y in plane stress, else Z."""
+    uplift_group: str = ""
+    """Group of cells whose lifted share is of interest; empty: all."""

@@ -20,15 +20,13 @@ Trial first, test last in every inner product, so that the same forms compile fo
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
-import dolfinx.fem
-import numpy as np
 import ufl
 
 from forms.facets import Facet
+from forms.parameters import CONDITIONS
 from meshes.checked import ModelError
 from meshes.releases import vector_space
 
@@ -54,10 +52,6 @@ From 1e-2 to 1 it moves the Scordelis-Lo roof by 0.2 %. With less the facets of 
 with 1e-5.
 """
 
-EDGES = ("clamped", "hard", "soft", "sliding", "symmetric")
-"""Conditions that an edge along an axis can have."""
-
-
 @dataclass(frozen=True)
 class ShellSpace:
     """The function space of a shell and the names of its components, blocked by node."""
@@ -71,27 +65,16 @@ class ShellSpace:
         at = {name: argument[i] for i, name in enumerate(self.components)}
         return tuple(ufl.as_vector([at.get(name, 0) for name in names]) for names in (COMPONENTS[:3], COMPONENTS[3:]))
 
-    def dofs(self, facets: np.ndarray, names: Iterable[str]) -> np.ndarray:
-        """Return the owned local scalar dofs of the named components on `facets`, sorted (collective).
 
-        Components that the space does not have are passed over: they are zero anyway.
-        """
-        wanted = [self.components.index(name) for name in names if name in self.components]
-        nodes = dolfinx.fem.locate_dofs_topological(self.space, 1, np.asarray(facets, dtype=np.int32))
-        nodes = np.unique(nodes[nodes < self.space.dofmap.index_map.size_local])
-        dofs: np.ndarray = nodes[:, None] * len(self.components) + np.sort(np.array(wanted, dtype=np.int64))
-        return dofs.ravel()
-
-
-def shell_space(mesh: Any, degree: int) -> ShellSpace:
-    """Return the space of `COMPONENTS` on a mesh in space, of `PLATE_COMPONENTS` on a mesh in the plane.
+def shell_space(mesh: Any, degree: int, components: tuple[str, ...] | None = None) -> ShellSpace:
+    """Return the space of `components`; without them of `COMPONENTS` on a mesh in space, of `PLATE_COMPONENTS` on a mesh in the plane.
 
     Raises `ModelError` for a degree that its cells do not have: 1 to 3 on quadrilaterals, 3 on triangles.
     """
     cell = mesh.ufl_domain().ufl_cell().cellname()
     if degree != 1 and (cell, degree) not in FULL_SHEAR or (cell, degree) == ("triangle", 1):
         raise ModelError("mesh.degree", f"a shell of {cell}s has degree {'3' if cell == 'triangle' else '1 to 3'}, not {degree}")
-    components = COMPONENTS if mesh.geometry.dim == 3 else PLATE_COMPONENTS
+    components = components or (COMPONENTS if mesh.geometry.dim == 3 else PLATE_COMPONENTS)
     return ShellSpace(vector_space(mesh, degree, len(components)), components, degree)
 
 
@@ -102,8 +85,8 @@ def edge_components(condition: str, normal: int, along: int) -> tuple[str, ...]:
     the in-plane normal of the edge. sliding: the slope is kept, no rotation about the edge. symmetric: the mirror is the
     plane through the edge along the plate's normal. Raises `ModelError` for another condition or if the axes are the same.
     """
-    if condition not in EDGES:
-        raise ModelError("", f"no edge condition {condition!r} (there are: {', '.join(EDGES)})")
+    if condition not in CONDITIONS:
+        raise ModelError("", f"no edge condition {condition!r} (there are: {', '.join(CONDITIONS)})")
     if normal == along:
         raise ModelError("", "an edge cannot run along the normal of its plate")
     across = 3 - normal - along

@@ -39,6 +39,38 @@ class Ricker(Checked):
         return np.where(times < self.start, 0.0, self.amplitude * (2 * x - 1) * np.exp(-x))
 
 
+@dataclass(frozen=True, kw_only=True)
+class Sine(Checked):
+    """Sine a(t) = A sin(2 pi f (t - t0) + phase) from `start` = t0 to `end`, zero outside."""
+
+    amplitude: float = quantity("A", "m/s2 or 1", default=1.0)
+    frequency: float = quantity("f", "Hz", above=0.0)
+    phase: float = quantity("phase at the start", "rad", default=0.0)
+    start: float = quantity("t0", "s", default=0.0)
+    end: float = quantity("time after which the signal is zero", "s", default=1e300)
+
+    def __call__(self, times: np.ndarray) -> np.ndarray:
+        """Return the values (nt,) at `times` (nt,)."""
+        wave = self.amplitude * np.sin(2 * math.pi * self.frequency * (times - self.start) + self.phase)
+        return np.where((times < self.start) | (times > self.end), 0.0, wave)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Step(Checked):
+    """A value that is reached from zero at `start`, at once or linearly within `rise`, and kept."""
+
+    amplitude: float = quantity("the value", "m/s2 or 1", default=1.0)
+    start: float = quantity("when it begins", "s", default=0.0)
+    rise: float = quantity("how long it takes", "s", default=0.0, at_least=0.0)
+
+    def __call__(self, times: np.ndarray) -> np.ndarray:
+        """Return the values (nt,) at `times` (nt,)."""
+        if self.rise == 0:
+            return np.where(times < self.start, 0.0, self.amplitude)
+        ramp: np.ndarray = self.amplitude * np.clip((times - self.start) / self.rise, 0.0, 1.0)
+        return ramp
+
+
 @dataclass(frozen=True)
 class Constant(Checked):
     """The same value at all times, as gravity has."""

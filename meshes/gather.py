@@ -49,13 +49,13 @@ def gather_mesh(tagged: TaggedMesh) -> WholeMesh | None:
 def gather_nodal(tagged: TaggedMesh, space: Any, values: np.ndarray) -> np.ndarray | None:
     """Return values at the nodes of the whole mesh on rank 0, None elsewhere (collective).
 
-    `values` (n, components) belong to the owned and ghost nodes of `space`, of the same degree as the geometry.
+    `values` (n, components) belong to the owned and ghost nodes of `space`, whose first ones in each cell are those of the geometry.
     """
     mesh = tagged.mesh
     cells = geometry_cells(mesh)
     at_nodes = np.zeros((len(mesh.geometry.x), values.shape[1]))
     for cell, nodes in enumerate(cells):
-        at_nodes[nodes] = values[space.dofmap.cell_dofs(cell)]
+        at_nodes[nodes] = values[space.dofmap.cell_dofs(cell)[: len(nodes)]]
     parts = mesh.comm.gather((np.asarray(mesh.geometry.input_global_indices), at_nodes), root=0)
     if parts is None:
         return None

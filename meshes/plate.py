@@ -9,6 +9,9 @@ from typing import Any
 
 from meshes.checked import Checked, quantity
 
+Point = tuple[float, float, float]
+"""Coordinates in m."""
+
 EDGES = ("DBAS", "DDRO", "DHAU", "DGAU")
 """Bottom, right, top and left edge, in the order of the boundary."""
 
@@ -22,31 +25,52 @@ class Plate(Checked):
     nx: int = quantity("cells along X", at_least=1)
     ny: int = quantity("cells along Y", at_least=1)
     cell: str = quantity("shape of the cells", default="quadrilateral", one_of=("quadrilateral", "triangle"))
-    degree: int = quantity(
-        "polynomial degree of displacement and geometry", default=1, at_least=1, at_most=2
+    degree: int | None = quantity(
+        "polynomial degree of the displacement; where it is not given, 1 for plane stress and what bending needs for plates and shells",
+        default=None, at_least=1, at_most=3,
     )
 
     @property
-    def corners(self) -> dict[str, tuple[float, float]]:
+    def corners(self) -> dict[str, Point]:
         """Coordinates in m of P1 (origin), P2, P3 and P4, counter-clockwise."""
         w, h = self.width, self.height
-        return {"P1": (0.0, 0.0), "P2": (w, 0.0), "P3": (w, h), "P4": (0.0, h)}
+        return {"P1": (0.0, 0.0, 0.0), "P2": (w, 0.0, 0.0), "P3": (w, h, 0.0), "P4": (0.0, h, 0.0)}
+
+    @property
+    def edges(self) -> dict[str, tuple[Point, Point]]:
+        """Ends in m of the four edges."""
+        corners = list(self.corners.values())
+        return {name: (corners[i], corners[(i + 1) % 4]) for i, name in enumerate(EDGES)}
+
+    @property
+    def extent(self) -> float:
+        """The longer side in m."""
+        return max(self.width, self.height)
 
 
 @contextmanager
-def gmsh_model(plate: Plate) -> Iterator[Any]:
-    """Give the gmsh model of the meshed plate (call on one rank only); gmsh is closed on leaving.
-
-    Groups: surface DAL1, edges DBAS (y = 0), DDRO (x = width), DHAU (y = height), DGAU (x = 0), points P1 to P4.
-    """
+def gmsh_session() -> Iterator[Any]:
+    """Give an empty gmsh, silent, and close it on leaving (call on one rank only)."""
     import gmsh  # loaded on the meshing rank only: the library takes most of a second
 
     gmsh.initialize([], False)
     try:
         gmsh.option.setNumber("General.Terminal", 0)
+        yield gmsh
+    finally:
+        gmsh.finalize()
+
+
+@contextmanager
+def gmsh_model(plate: Plate, order: int = 1) -> Iterator[Any]:
+    """Give the gmsh model of the plate, meshed with cells of `order` (call on one rank only); gmsh is closed on leaving.
+
+    Groups: surface DAL1, edges DBAS (y = 0), DDRO (x = width), DHAU (y = height), DGAU (x = 0), points P1 to P4.
+    """
+    with gmsh_session() as gmsh:
         model = gmsh.model
         model.add("plate")
-        corners = {name: model.geo.addPoint(x, y, 0.0) for name, (x, y) in plate.corners.items()}
+        corners = {name: model.geo.addPoint(*at) for name, at in plate.corners.items()}
         tags = list(corners.values())
         edges = {name: model.geo.addLine(tags[i], tags[(i + 1) % 4]) for i, name in enumerate(EDGES)}
         surface = model.geo.addPlaneSurface([model.geo.addCurveLoop(list(edges.values()))])
@@ -62,8 +86,6 @@ def gmsh_model(plate: Plate) -> Iterator[Any]:
             model.addPhysicalGroup(dimension, [tag], number)
             model.setPhysicalName(dimension, number, name)
         model.mesh.generate(2)
-        if plate.degree > 1:
-            model.mesh.setOrder(plate.degree)
+        if order > 1:
+            model.mesh.setOrder(order)
         yield model
-    finally:
-        gmsh.finalize()

@@ -31,9 +31,14 @@ def compile_form(form: Any, cache_dir: str | None = None) -> Any:
     return dolfinx.fem.form(form, **keywords)
 
 
-def distribute(model: Any, comm: Any) -> tuple[Any, Any, Any]:
-    """Turn the gmsh model of rank 0 into a distributed two-dimensional mesh with its cell and facet tags."""
-    return gmshio.model_to_mesh(model, comm, 0, gdim=2)[:3]
+def distribute(model: Any, comm: Any, gdim: int) -> tuple[Any, Any, Any]:
+    """Turn the gmsh model of rank 0 into a distributed mesh, in the plane (`gdim` 2) or in space (3), with cell and facet tags."""
+    return gmshio.model_to_mesh(model, comm, 0, gdim=gdim)[:3]
+
+
+def piecewise_constant_space(mesh: Any) -> Any:
+    """Return the space of functions with one value a cell."""
+    return (_fem.FunctionSpace if _OLD else _fem.functionspace)(mesh, ("DG", 0))
 
 
 def geometry_cells(mesh: Any) -> np.ndarray:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from drivers.analysis import prepare
+from forms.kinematics import Kinematics
 from forms.material import Material
 from forms.parameters import GroundMotion, PlateModel, Probe
 from forms.signals import Constant
@@ -158,7 +159,8 @@ def test_what_does_not_fit_the_mesh_is_named_on_all_ranks(sdls119a, comm, change
 
 def test_a_model_without_loads_has_none(comm, sdls119a):
     model = PlateModel(Material(1e8, 0.2, 2000.0, 0.5), probes=(Probe("P3", (4.0, 8.0)),))
-    with prepare(replace(sdls119a, model=model), comm) as plant:
+    scene = replace(sdls119a, model=model, kinematics=Kinematics("plane stress"))
+    with prepare(scene, comm) as plant:
         assert plant.operators.loads == []
         assert plant.operators.contacts.names == ()
         assert plant.operators.n == 90

@@ -115,7 +115,10 @@ class Shell:
         return assemble_vector(dolfinx.fem.form(work)).array.copy()
 
     def on(self, where, names):
-        return self.layout.dofs(dolfinx.mesh.locate_entities_boundary(self.mesh, 1, where), names)
+        facets = dolfinx.mesh.locate_entities_boundary(self.mesh, 1, where)
+        columns = [self.layout.components.index(name) for name in names if name in self.layout.components]
+        nodes = np.unique(dolfinx.fem.locate_dofs_topological(self.layout.space, 1, facets))
+        return (nodes[:, None] * self.size + np.array(columns, dtype=int)).ravel()
 
     def everywhere(self, names):
         return np.concatenate([np.arange(self.layout.components.index(n), self.size * len(self.nodes), self.size) for n in names])

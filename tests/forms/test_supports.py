@@ -62,7 +62,8 @@ def test_preload_is_a_negative_gap():
         (lambda: Support("S", ((0.0, 0.0),), (1.0, 1.0), (1.0, 1.0), unilateral="", gap=1.0), "gap"),
         (lambda: Support("S", ((0.0, 0.0),), (1.0, 1.0), (1.0, 1.0), sideways="loose"), "sideways"),
         (lambda: Support("S", ((0.0, 0.0),), (1.0, 1.0), (1.0, 1.0), mass=-1.0), "mass"),
-        (lambda: Support("S", ((0.0, 0.0),), (1.0, 1.0), (1.0, 1.0), unilateral="Z"), "unilateral"),
+        (lambda: Support("S", ((0.0, 0.0),), (1.0, 1.0), (1.0, 1.0), unilateral="Z"), "contact.Z"),
+        (lambda: Support("S", ((0.0, 0.0),), (1.0, 1.0), (1.0, 1.0), unilateral="RX"), "unilateral"),
     ],
 )
 def test_impossible_supports_are_refused_by_key(make, key):

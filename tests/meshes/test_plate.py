@@ -7,7 +7,12 @@ from meshes.checked import ModelError
 from meshes.export import write_mesh
 from meshes.gather import gather_mesh
 from meshes.plate import EDGES, Plate
-from meshes.tagged import build_plate
+from meshes.tagged import build_mesh
+
+
+def in_plane(flat, order):
+    assert flat
+    return 2, order
 
 
 def shoelace(corners):
@@ -20,7 +25,7 @@ def shoelace(corners):
 @pytest.mark.parametrize("degree", [1, 2])
 def test_structured_plate_has_its_cells_groups_and_area(comm, cell, degree):
     plate = Plate(3.0, 5.0, 3, 7, cell, degree)
-    tagged = build_plate(comm, plate)
+    tagged = build_mesh(comm, plate, lambda flat, order: (2, degree))
     per_square = 1 if cell == "quadrilateral" else 2
     assert tagged.mesh.topology.index_map(2).size_global == 21 * per_square
     assert tagged.mesh.geometry.index_map().size_global == (3 * degree + 1) * (7 * degree + 1)
@@ -28,7 +33,7 @@ def test_structured_plate_has_its_cells_groups_and_area(comm, cell, degree):
     owned = {edge: int(np.sum(tagged.facets(edge) < facets.size_local)) for edge in EDGES}
     assert [comm.allreduce(owned[edge]) for edge in EDGES] == [3, 7, 3, 7]
     assert tagged.groups["DAL1"][0] == 2
-    assert {n: tuple(p[:2]) for n, p in tagged.points.items()} == plate.corners
+    assert {n: tuple(p) for n, p in tagged.points.items()} == plate.corners
     whole = gather_mesh(tagged)
     if comm.rank == 0:
         area = shoelace(whole.points[whole.corners][..., :2])
@@ -39,7 +44,7 @@ def test_structured_plate_has_its_cells_groups_and_area(comm, cell, degree):
 
 
 def test_unknown_groups_are_named(comm):
-    tagged = build_plate(comm, Plate(1.0, 1.0, 2, 2))
+    tagged = build_mesh(comm, Plate(1.0, 1.0, 2, 2), in_plane)
     with pytest.raises(ModelError, match="no edge group 'DBASE'.*DBAS"):
         tagged.facets("DBASE")
     with pytest.raises(ModelError, match="no point group 'P9'.*P1"):
@@ -78,7 +83,7 @@ def test_mesh_file_of_unknown_format_is_refused(tmp_path):
 @pytest.mark.parametrize(
     ("values", "key"),
     [
-        ({"width": -4.0}, "width"), ({"nx": 0}, "nx"), ({"cell": "hexagon"}, "cell"), ({"degree": 3}, "degree"),
+        ({"width": -4.0}, "width"), ({"nx": 0}, "nx"), ({"cell": "hexagon"}, "cell"), ({"degree": 4}, "degree"),
         ({"height": np.inf}, "height"),
     ],
 )
@@ -89,6 +94,6 @@ def test_impossible_plates_are_refused_by_key(values, key):
 
 
 def test_group_names_are_the_same_on_all_ranks(comm):
-    tagged = build_plate(comm, Plate(1.0, 2.0, 2, 3))
+    tagged = build_mesh(comm, Plate(1.0, 2.0, 2, 3), in_plane)
     everywhere = MPI.COMM_WORLD.allgather(sorted(tagged.groups.items()))
     assert all(groups == everywhere[0] for groups in everywhere)

@@ -125,7 +125,7 @@ def test_preload_pushes_back(sdls119a, comm):
 def test_support_from_above_is_the_mirror_image(sdls119a, comm):
     """A plate that hangs under supports which push down, under gravity upwards, moves as the reference case upside down."""
     history, _, _ = lifted(sdls119a, comm)
-    support = replace(sdls119a.model.supports[0], points=tuple((x, 8.0) for x, _ in sdls119a.model.supports[0].points), unilateral="-Y")
+    support = replace(sdls119a.model.supports[0], points=tuple((p[0], 8.0) for p in sdls119a.model.supports[0].points), unilateral="-Y")
     spring = replace(sdls119a.model.springs[0], points=((4.0, 0.0), (0.0, 0.0)))
     probe = replace(sdls119a.model.probes[0], point=(4.0, 0.0))
     model = replace(sdls119a.model, supports=(support,), springs=(spring,), probes=(probe,), gravity=-9.81)

@@ -1,0 +1,137 @@
+"""The mesh of a scene file: a rectangle, plates joined along edges, or a file; and points on it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from drivers.scene_table import Table, convert
+from forms.parameters import PlateModel
+from forms.supports import in_space
+from meshes.checked import ModelError
+from meshes.imported import MeshFile
+from meshes.panels import Panel, Panels
+from meshes.plate import Plate, Point
+from meshes.sources import MeshSource
+
+
+def read_mesh(scene: Table, folder: Path) -> MeshSource:
+    """Read the section [mesh]: with `file` a mesh file, with `plates` joined plates, else a rectangle."""
+    given = scene.take("mesh", dict)
+    table = Table(given, "mesh")
+    source: MeshSource
+    if "file" in given:
+        source = table.make(MeshFile, path=folder / table.take("file", str), degree=table.take("degree", int, default=None))
+    elif "plates" in given:
+        source = _panels(table)
+    else:
+        source = table.into(Plate)
+    table.finish()
+    return source
+
+
+def _panels(table: Table) -> Panels:
+    plates = []
+    for entry in table.entries("plates"):
+        corners = _outline(entry, "corners", entry.take("corners", list))
+        holes = [_outline(entry, f"holes[{i}]", hole) for i, hole in enumerate(entry.take("holes", list, default=[]), start=1)]
+        names = tuple(convert(n, str, entry.key("edges")) for n in entry.take("edges", list, default=[]))
+        name = entry.take("name", str)
+        entry.finish()
+        plates.append(entry.make(Panel, name=name, corners=corners, holes=tuple(holes), edge_names=names))
+    points = Table(table.take("points", dict, default={}), "mesh.points")
+    named = [(name, point_of(points.take(name, list), points.key(name))) for name in list(points.rest)]
+    panels: Panels = table.make(
+        Panels, plates=tuple(plates), size=table.take("size", float), cell=table.take("cell", str, default="quadrilateral"),
+        degree=table.take("degree", int, default=None), named_points=tuple(named),
+    )
+    return panels
+
+
+def _outline(table: Table, name: str, given: Any) -> tuple[Point, ...]:
+    key = table.key(name)
+    if not isinstance(given, list):
+        raise ModelError(key, f"expected an array of points, got {given!r:.60}")
+    return tuple(point_of(p, f"{key}[{i}]") for i, p in enumerate(given, start=1))
+
+
+def point_of(value: Any, key: str) -> Point:
+    """Return a point [x, y] or [x, y, z] of the file in space."""
+    if not isinstance(value, list) or len(value) not in (2, 3):
+        raise ModelError(key, f"expected a point [x, y] or [x, y, z] in m or the name of one, got {value!r:.60}")
+    x, y, *z = (convert(v, float, key) for v in value)
+    point = (x, y, z[0] if z else 0.0)
+    if not np.all(np.isfinite(point)):
+        raise ModelError(key, f"expected finite coordinates, got {value!r:.60}")
+    return point
+
+
+def one_point(value: Any, mesh: MeshSource, key: str) -> Point:
+    """Return the coordinates of a point that is given by them or by its name. Raises `ModelError` for one off a rectangle."""
+    if isinstance(value, str):
+        if value not in mesh.corners:
+            known = ", ".join(mesh.corners)
+            raise ModelError(key, f"expected {f'a point of the mesh ({known})' if known else 'a point'} or [x, y], got {value!r}")
+        return mesh.corners[value]
+    point = point_of(value, key)
+    if isinstance(mesh, Plate) and not (0 <= point[0] <= mesh.width and 0 <= point[1] <= mesh.height and point[2] == 0):
+        raise ModelError(key, f"({point[0]:g}, {point[1]:g}) m lies outside the plate of {mesh.width:g} m x {mesh.height:g} m")
+    return point
+
+
+def places(table: Table, mesh: MeshSource) -> dict[str, Any]:
+    """Read where something stands: `points`, `edge` and `count`, `grid`, or `group` with what its numbers are meant `per`."""
+    ways = [name for name in ("edge", "grid", "group") if name in table.rest]
+    table.known += ["edge", "grid", "group"]
+    if len(ways) + ("points" in table.rest) > 1:
+        raise ModelError(table.key(ways[0]), "expected one of points, edge, grid and group, not several")
+    if "group" in table.rest:
+        return {"points": (), "group": table.take("group", str), "per": table.take("per", str, default="node")}
+    if "edge" in table.rest:
+        return {"points": _on_edge(table, mesh)}
+    if "grid" in table.rest:
+        return {"points": _on_grid(table)}
+    given = table.take("points", list)
+    if not given:
+        raise ModelError(table.key("points"), "expected at least one point")
+    return {"points": tuple(one_point(p, mesh, f"{table.key('points')}[{i}]") for i, p in enumerate(given, start=1))}
+
+
+def _on_edge(table: Table, mesh: MeshSource) -> tuple[Point, ...]:
+    edge = table.take("edge", str)
+    if edge not in mesh.edges:
+        known = ", ".join(mesh.edges) or "none that is known before the file is read: use group"
+        raise ModelError(table.key("edge"), f"expected one of {known}, got {edge!r}")
+    count = table.take("count", int)
+    if not 2 <= count <= 1_000_000:
+        raise ModelError(table.key("count"), f"expected at least 2 points on an edge, and at most 1e6, got {count}")
+    start, end = (np.array(p) for p in mesh.edges[edge])
+    ratios = [i / (count - 1) for i in range(count)]
+    return tuple((float(p[0]), float(p[1]), float(p[2])) for p in (start + (end - start) * s for s in ratios))
+
+
+def _on_grid(table: Table) -> tuple[Point, ...]:
+    """Read `grid = { from = [x, y, z], to = [x, y, z], count = [nx, ny, nz] }`: row by row, x fastest."""
+    grid = Table(table.take("grid", dict), table.key("grid"))
+    ends = [point_of(grid.take(name, list), grid.key(name)) for name in ("from", "to")]
+    counts = [convert(n, int, grid.key("count")) for n in grid.take("count", list)]
+    grid.finish()
+    counts += [1] * (3 - len(counts))
+    if len(counts) != 3 or min(counts) < 1 or np.prod(counts) > 1_000_000:
+        raise ModelError(grid.key("count"), f"expected two or three numbers >= 1 and at most 1e6 points, got {counts}")
+    for axis, count in enumerate(counts):
+        if count == 1 and ends[0][axis] != ends[1][axis]:
+            raise ModelError(grid.key("count"), f"expected at least 2 points along {'XYZ'[axis]}, where the grid has an extent")
+    xs, ys, zs = (np.linspace(ends[0][k], ends[1][k], counts[k]).tolist() for k in range(3))
+    return tuple((x, y, z) for z in zs for y in ys for x in xs)
+
+
+def with_nodes(mesh: MeshSource, model: PlateModel) -> MeshSource:
+    """Return joined plates with a node at every point of the model that something stands on; other meshes as they are."""
+    if not isinstance(mesh, Panels):
+        return mesh
+    groups = (*model.supports, *model.springs, *model.masses, *model.forces)
+    return replace(mesh, nodes=tuple(dict.fromkeys(in_space(p) for group in groups for p in group.points)))

@@ -1,0 +1,345 @@
+"""Flat polygonal plates with holes, anywhere in space, joined where they touch, as a gmsh mesh with named groups."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from meshes.checked import Checked, ModelError, quantity
+from meshes.plate import Point, gmsh_session
+
+TOUCHING = 1e-7
+"""Points closer than this part of the extent are one."""
+
+INNER_NODES = {1: (), 2: (0.5,), 3: (0.5 - 0.2236067977499790, 0.5 + 0.2236067977499790)}
+"""Places of the inner nodes of an edge by degree: the Gauss-Lobatto points."""
+
+
+@dataclass(frozen=True)
+class Panel(Checked):
+    """A flat polygon with holes; its edges are numbered or named in the order of its corners."""
+
+    name: str = quantity("name of the group of its cells")
+    corners: tuple[Point, ...] = quantity("corners in order around the plate", "m")
+    holes: tuple[tuple[Point, ...], ...] = quantity("corners of each hole", "m", default=())
+    edge_names: tuple[str, ...] = quantity("a name for each edge, the first from corner 1 to corner 2", default=())
+
+    def check(self) -> None:
+        """Refuse what is no flat polygon."""
+        if len(self.corners) < 3:
+            raise ModelError("corners", f"expected at least 3, got {len(self.corners)}")
+        if self.edge_names and len(self.edge_names) != len(self.corners):
+            raise ModelError("edges", f"expected {len(self.corners)} names, one an edge, got {len(self.edge_names)}")
+        outline = np.array(self.corners)
+        extent = float(np.ptp(outline, axis=0).max())
+        normal = _area_vector(outline)
+        if not np.linalg.norm(normal) > TOUCHING * extent**2:
+            raise ModelError("corners", "expected corners around an area, these lie on a line or on a point")
+        normal /= np.linalg.norm(normal)
+        if np.max(np.abs((outline - outline[0]) @ normal)) > TOUCHING * extent:
+            raise ModelError("corners", "expected corners in one plane")
+        if _crosses_itself(outline, normal):
+            raise ModelError("corners", "expected corners in order around the plate, these edges cross or meet")
+        for number, hole in enumerate(self.holes, start=1):
+            if len(hole) < 3:
+                raise ModelError(f"holes[{number}]", f"expected at least 3 corners, got {len(hole)}")
+            if np.max(np.abs((np.array(hole) - outline[0]) @ normal)) > TOUCHING * extent:
+                raise ModelError(f"holes[{number}]", "expected corners in the plane of the plate")
+
+    @property
+    def edges(self) -> dict[str, tuple[Point, Point]]:
+        """Ends in m of each edge by its name."""
+        names = self.edge_names or tuple(f"{self.name}.{i + 1}" for i in range(len(self.corners)))
+        around = zip(self.corners, self.corners[1:] + self.corners[:1], strict=True)
+        return dict(zip(names, around, strict=True))
+
+
+@dataclass(frozen=True)
+class Panels(Checked):
+    """Plates joined where they touch; four-sided ones without holes get a regular mesh where the divisions of opposite sides agree."""
+
+    plates: tuple[Panel, ...] = quantity("the plates")
+    size: float = quantity("length of the sides of the cells", "m", above=0.0)
+    cell: str = quantity("shape of the cells", default="quadrilateral", one_of=("quadrilateral", "triangle"))
+    degree: int | None = quantity("polynomial degree of the displacement", default=None, at_least=1, at_most=3)
+    named_points: tuple[tuple[str, Point], ...] = quantity("points that become nodes, by name", "m", default=())
+    nodes: tuple[Point, ...] = quantity("further points that become nodes", "m", default=())
+
+    def check(self) -> None:
+        """Refuse an empty list, plates of one name and a mesh beyond any machine."""
+        if not self.plates:
+            raise ModelError("plates", "expected at least one plate")
+        names = [plate.name for plate in self.plates]
+        for name in names:
+            if names.count(name) > 1:
+                raise ModelError("plates", f"expected different names, {name!r} is there twice")
+        cells = sum(float(np.linalg.norm(_area_vector(np.array(plate.corners)))) for plate in self.plates) / self.size**2
+        if cells > 1e8:
+            raise ModelError("size", f"expected at most 1e8 cells, {self.size:g} m makes {cells:.1e}")
+
+    @property
+    def corners(self) -> dict[str, Point]:
+        """Coordinates in m of the named points."""
+        return dict(self.named_points)
+
+    @property
+    def edges(self) -> dict[str, tuple[Point, Point]]:
+        """Ends in m of each edge of each plate; of edges of one name the first."""
+        result: dict[str, tuple[Point, Point]] = {}
+        for plate in self.plates:
+            for name, ends in plate.edges.items():
+                result.setdefault(name, ends)
+        return result
+
+    @property
+    def flat(self) -> bool:
+        """Whether all plates lie in the plane Z = 0."""
+        return all(abs(corner[2]) <= 1e-9 * self.extent for plate in self.plates for corner in plate.corners)
+
+    @property
+    def extent(self) -> float:
+        """The longest side in m of the box that holds all plates."""
+        return float(np.ptp(np.concatenate([np.array(plate.corners) for plate in self.plates]), axis=0).max())
+
+
+def _area_vector(outline: np.ndarray) -> np.ndarray:
+    """Return the normal of a polygon (n, 3), of the length of its area."""
+    arms = outline - outline[0]
+    return 0.5 * np.sum(np.cross(arms, np.roll(arms, -1, axis=0)), axis=0)
+
+
+def _crosses_itself(outline: np.ndarray, normal: np.ndarray) -> bool:
+    """Tell whether two edges of a flat polygon (n, 3) that are not neighbours meet."""
+    first = outline[1] - outline[0]
+    flat = np.stack([outline @ first, outline @ np.cross(normal, first)], axis=1)
+    n = len(flat)
+
+    def side(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> float:
+        return float((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
+
+    for i in range(n):
+        for j in range(i + 2, n - (i == 0)):
+            a, b, c, d = flat[i], flat[(i + 1) % n], flat[j], flat[(j + 1) % n]
+            if side(a, b, c) * side(a, b, d) <= 0 and side(c, d, a) * side(c, d, b) <= 0:
+                return True
+    return False
+
+
+def on_segment(points: np.ndarray, start: Point, end: Point, tolerance: float) -> np.ndarray:
+    """Tell which of `points` (n, 3) lie on the segment, within `tolerance` m."""
+    a, along = np.array(start), np.array(end) - np.array(start)
+    ratio = np.clip((points - a) @ along / (along @ along), 0.0, 1.0)
+    near: np.ndarray = np.linalg.norm(points - a - ratio[:, None] * along, axis=1) <= tolerance
+    return near
+
+
+@contextmanager
+def panels_model(panels: Panels) -> Iterator[tuple[Any, dict[str, list[tuple[int, int]]]]]:
+    """Give the gmsh model of the meshed plates and the entities (dimension, tag) of each group; gmsh is closed on leaving.
+
+    Call on one rank only. Groups: the cells of each plate and its edges. Named points and further nodes become nodes of the mesh.
+    """
+    wanted = np.array([*dict(panels.named_points).values(), *panels.nodes]).reshape(-1, 3)
+    wanted = np.unique(np.round(wanted, 12), axis=0)
+    tolerance = TOUCHING * panels.extent
+    on_rim = np.zeros(len(wanted), dtype=bool)
+    for plate in panels.plates:
+        for start, end in plate.edges.values():
+            on_rim |= on_segment(wanted, start, end, tolerance)
+    with gmsh_session() as gmsh:
+        # Where the points on the edges are nodes of the regular divisions they need not cut them into pieces.
+        for cut in (False, True):
+            groups = _geometry(gmsh, panels, wanted[on_rim] if cut else wanted[:0], tolerance)
+            plan = _plan(gmsh.model, panels, wanted[~on_rim], tolerance)
+            if cut or (plan.coarser == 1 and _all_stations(gmsh.model, plan.divisions, wanted[on_rim], panels.degree or 1, tolerance)):
+                break
+            gmsh.model.remove()
+        _mesh(gmsh, panels, plan)
+        yield gmsh.model, groups
+
+
+def _geometry(gmsh: Any, panels: Panels, splitting: np.ndarray, tolerance: float) -> dict[str, list[tuple[int, int]]]:
+    """Make the plates, joined where they touch and their edges cut at the points `splitting` (n, 3) m; return their groups."""
+    model, occ = gmsh.model, gmsh.model.occ
+    model.add("plates")
+    surfaces = [(2, occ.addPlaneSurface([_loop(occ, c) for c in (plate.corners, *plate.holes)])) for plate in panels.plates]
+    tools = surfaces[1:] + [(0, occ.addPoint(*point)) for point in splitting]
+    pieces = occ.fragment(surfaces[:1], tools)[1] if tools else [surfaces]
+    occ.synchronize()
+    groups: dict[str, list[tuple[int, int]]] = {}
+    for plate, made in zip(panels.plates, pieces, strict=False):
+        groups.setdefault(plate.name, []).extend(made)
+        _name_edges(model, plate, made, groups, tolerance)
+    return groups
+
+
+def _loop(occ: Any, corners: tuple[Point, ...]) -> int:
+    tags = [occ.addPoint(*corner) for corner in corners]
+    return int(occ.addCurveLoop([occ.addLine(a, b) for a, b in zip(tags, tags[1:] + tags[:1], strict=True)]))
+
+
+def _ends(model: Any, curve: int) -> np.ndarray:
+    """Return the ends (2, 3) m of a straight curve."""
+    low, high = model.getParametrizationBounds(1, curve)
+    return np.array(model.getValue(1, curve, [low[0], high[0]])).reshape(2, 3)
+
+
+def _name_edges(
+    model: Any, plate: Panel, surfaces: list[tuple[int, int]], groups: dict[str, list[tuple[int, int]]], tolerance: float
+) -> None:
+    rim = {abs(tag) for _, tag in model.getBoundary(surfaces, combined=False)}
+    for name, (start, end) in plate.edges.items():
+        curves = groups.setdefault(name, [])
+        for tag in sorted(rim):
+            if np.all(on_segment(_ends(model, tag), start, end, tolerance)) and (1, tag) not in curves:
+                curves.append((1, tag))
+
+
+@dataclass
+class _Plan:
+    """How the plates are to be meshed."""
+
+    divisions: dict[int, int]
+    """Of each curve."""
+    regular: dict[int, list[int]]
+    """Corner points of each surface with a regular mesh."""
+    loose: dict[int, np.ndarray]
+    """Points (n, 3) m that become nodes of each other surface."""
+    coarser: int
+    """2 where each cell of a mesh twice as coarse is split into three or four quadrilaterals, which fit any outline; else 1."""
+
+
+def _plan(model: Any, panels: Panels, inside: np.ndarray, tolerance: float) -> _Plan:
+    for coarser in (1, 2):
+        lengths = {tag: float(np.linalg.norm(np.diff(_ends(model, tag), axis=0))) for _, tag in model.getEntities(1)}
+        divisions = {tag: coarser * max(1, round(length / (coarser * panels.size))) for tag, length in lengths.items()}
+        regular, loose = {}, {}
+        for _, surface in model.getEntities(2):
+            corners = _regular_corners(model, surface, divisions)
+            here = inside[_within(model, surface, inside, tolerance)]
+            if corners is not None and _on_grid(model, surface, corners, divisions, here, panels.degree or 1, tolerance):
+                regular[surface] = corners
+            else:
+                loose[surface] = here
+        if not loose or panels.cell == "triangle":
+            break
+    return _Plan(divisions, regular, loose, coarser if loose else 1)
+
+
+def _mesh(gmsh: Any, panels: Panels, plan: _Plan) -> None:
+    model = gmsh.model
+    gmsh.option.setNumber("Mesh.SubdivisionAlgorithm", plan.coarser - 1)
+    gmsh.option.setNumber("Mesh.MeshSizeMax", plan.coarser * panels.size)
+    gmsh.option.setNumber("Mesh.MeshSizeFromPoints", 0)
+    for tag, number in plan.divisions.items():
+        model.mesh.setTransfiniteCurve(tag, number // plan.coarser + 1)
+    for surface, corners in plan.regular.items():
+        model.mesh.setTransfiniteSurface(surface, cornerTags=corners)
+    for surface, points in plan.loose.items():
+        tags = [model.occ.addPoint(*point) for point in points]
+        model.occ.synchronize()
+        if tags:
+            model.mesh.embed(0, tags, 2, surface)
+    if panels.cell == "quadrilateral":
+        for _, surface in model.getEntities(2):
+            model.mesh.setRecombine(2, surface)
+    model.mesh.generate(2)
+
+
+def _stations(start: float, end: float, divisions: int, degree: int) -> np.ndarray:
+    """Return the nodes of `divisions` cells of `degree` between two coordinates."""
+    cells = np.linspace(start, end, divisions + 1)
+    return np.concatenate([cells] + [cells[:-1] + x * np.diff(cells) for x in INNER_NODES[degree]])
+
+
+def _all_stations(model: Any, divisions: dict[int, int], points: np.ndarray, degree: int, tolerance: float) -> bool:
+    """Tell whether each of `points` (n, 3) m is a node of a curve as it is divided."""
+    found = np.zeros(len(points), dtype=bool)
+    for tag, number in divisions.items():
+        start, end = _ends(model, tag)
+        nodes = start + _stations(0.0, 1.0, number, degree)[:, None] * (end - start)
+        found |= np.min(np.linalg.norm(points[:, None] - nodes, axis=2), axis=1, initial=np.inf) <= tolerance
+    return bool(np.all(found))
+
+
+def _sides(model: Any, surface: int) -> list[list[tuple[int, int, int]]] | None:
+    """Return the curves (curve, first point, last point) of each of the four straight sides in order; None for other shapes."""
+    curves = {}
+    for _, signed in model.getBoundary([(2, surface)], combined=False, oriented=True):
+        first, last = (tag for _, tag in model.getBoundary([(1, abs(signed))], combined=False))
+        if signed < 0:
+            first, last = last, first
+        curves[first] = (abs(signed), first, last)
+    start = next(iter(curves))
+    chain = [curves[start]]
+    while chain[-1][2] != start:
+        if chain[-1][2] not in curves or len(chain) > len(curves):
+            return None
+        chain.append(curves[chain[-1][2]])
+    if len(chain) != len(curves):
+        return None  # a hole
+    at = {first: np.array(model.getValue(0, first, [])) for _, first, _ in chain}
+    directions = [(at[last] - at[first]) / math.dist(at[last], at[first]) for _, first, last in chain]
+    turns = [i for i in range(len(chain)) if np.linalg.norm(np.cross(directions[i - 1], directions[i])) > 1e-6]
+    if len(turns) != 4:
+        return None
+    chain = chain[turns[0] :] + chain[: turns[0]]
+    cuts = [t - turns[0] for t in turns] + [len(chain)]
+    return [chain[a:b] for a, b in zip(cuts[:-1], cuts[1:], strict=True)]
+
+
+def _regular_corners(model: Any, surface: int, divisions: dict[int, int]) -> list[int] | None:
+    """Return the four corner points of a surface that a regular mesh fits on, or None."""
+    sides = _sides(model, surface)
+    if sides is None:
+        return None
+    counts = [[divisions[curve] for curve, _, _ in side] for side in sides]
+    if sum(counts[0]) != sum(counts[2]) or sum(counts[1]) != sum(counts[3]):
+        return None
+    return [side[0][1] for side in sides]
+
+
+def _within(model: Any, surface: int, points: np.ndarray, tolerance: float) -> np.ndarray:
+    """Tell which of `points` (n, 3) m lie in the surface: a ray from there crosses its boundary an odd number of times."""
+    segments = np.array([_ends(model, tag) for _, tag in model.getBoundary([(2, surface)], combined=False, oriented=False)])
+    frame = np.linalg.svd(segments.reshape(-1, 3) - segments[0, 0])[2]
+    arms = points - segments[0, 0]
+    flat = np.abs(arms @ frame[2]) <= tolerance
+    (px, py), ends = frame[:2] @ arms.T, (segments - segments[0, 0]) @ frame[:2].T
+    (x0, y0), (x1, y1) = ends[:, 0].T, ends[:, 1].T
+    above = (y0[None] > py[:, None]) != (y1[None] > py[:, None])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        crossing = x0 + (py[:, None] - y0) / (y1 - y0) * (x1 - x0)
+    inside: np.ndarray = flat & (np.sum(above & (px[:, None] < crossing), axis=1) % 2 == 1)
+    return inside
+
+
+def _on_grid(
+    model: Any, surface: int, corners: list[int], divisions: dict[int, int], points: np.ndarray, degree: int, tolerance: float
+) -> bool:
+    """Tell whether all `points` (n, 3) m are nodes of the regular mesh of a parallelogram with cells of `degree`."""
+    if not len(points):
+        return True
+    sides = _sides(model, surface)
+    assert sides is not None
+    a, b, c, d = (np.array(model.getValue(0, tag, [])) for tag in corners)
+    if np.linalg.norm(a + c - b - d) > tolerance:
+        return False
+    stations = []
+    for side, start, along in ((sides[0], a, b - a), (sides[3], a, d - a)):
+        ratios = [0.0, 1.0]
+        for curve, first, last in side:
+            ends = [float((np.array(model.getValue(0, tag, [])) - start) @ along / (along @ along)) for tag in (first, last)]
+            ratios += list(_stations(ends[0], ends[1], divisions[curve], degree))
+        stations.append(np.array(ratios))
+    frame = np.stack([b - a, d - a], axis=1)
+    local = np.linalg.lstsq(frame, (points - a).T, rcond=None)[0]
+    return all(
+        np.min(np.abs(ratio - station)) * np.linalg.norm(frame[:, k]) <= tolerance
+        for k, station in enumerate(stations) for ratio in local[k]
+    )

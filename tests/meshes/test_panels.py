@@ -1,0 +1,120 @@
+import numpy as np
+import pytest
+
+from meshes.checked import ModelError
+from meshes.export import write_mesh
+from meshes.gather import gather_mesh
+from meshes.imported import MeshFile
+from meshes.panels import Panel, Panels
+from meshes.tagged import build_mesh
+
+SQUARE = ((0.0, 0.0, 0.0), (4.0, 0.0, 0.0), (4.0, 4.0, 0.0), (0.0, 4.0, 0.0))
+L_SHAPE = ((0.0, 0.0, 0.0), (3.0, 0.0, 0.0), (3.0, 1.0, 0.0), (1.0, 1.0, 0.0), (1.0, 2.0, 0.0), (0.0, 2.0, 0.0))
+HOLE = ((0.25, 0.25, 0.0), (0.75, 0.25, 0.0), (0.75, 0.75, 0.0), (0.25, 0.75, 0.0))
+
+
+def as_it_is(flat, order):
+    return 2 if flat else 3, order
+
+
+def areas(whole):
+    corners = whole.points[whole.corners]
+    arms = corners[:, 1:] - corners[:, :1]
+    return sum(0.5 * np.linalg.norm(np.cross(arms[:, i], arms[:, i + 1]), axis=1) for i in range(arms.shape[1] - 1))
+
+
+@pytest.mark.parametrize("cell", ["quadrilateral", "triangle"])
+def test_a_polygon_with_a_hole(comm, cell):
+    panels = Panels((Panel("PLATE", L_SHAPE, holes=(HOLE,)),), 0.2, cell, nodes=((2.03, 0.41, 0.0), (1.23, 0.0, 0.0)))
+    tagged = build_mesh(comm, panels, as_it_is)
+    whole = gather_mesh(tagged)
+    assert tagged.mesh.geometry.dim == 2
+    if whole is not None:
+        assert whole.corners.shape[1] == (4 if cell == "quadrilateral" else 3)
+        assert areas(whole).sum() == pytest.approx(4.0 - 0.25, rel=1e-12)
+        for node in panels.nodes:
+            assert np.min(np.linalg.norm(whole.points - node, axis=1)) < 1e-9
+    lengths = [comm.allreduce(len(tagged.sides(name))) for name in panels.edges]
+    assert min(lengths) >= 4
+
+
+def test_a_box_is_joined_along_its_edges(comm):
+    up = [(x, y, 2.0) for x, y, _ in SQUARE]
+    walls = tuple(Panel(f"W{i}", (SQUARE[i - 1], SQUARE[i], up[i], up[i - 1])) for i in range(4))
+    tagged = build_mesh(comm, Panels((Panel("RAFT", SQUARE, edge_names=("S", "E", "N", "W")), *walls), 1.0), as_it_is)
+    assert tagged.mesh.geometry.dim == 3
+    # Nodes on common edges are one: 25 of the raft, and two more rings of 16.
+    assert tagged.mesh.geometry.index_map().size_global == 25 + 2 * 16
+    assert tagged.mesh.topology.index_map(2).size_global == 16 + 4 * 8
+    # The southern edge is one of the raft and one of its wall, each of its four sides with two cells.
+    assert comm.allreduce(len(tagged.sides("S"))) == comm.allreduce(len(tagged.sides("W1.1"))) == 8
+
+
+def test_a_wall_inside_a_raft_cuts_it(comm):
+    wall = Panel("WALL", ((1.0, 0.0, 0.0), (1.0, 4.0, 0.0), (1.0, 4.0, 2.0), (1.0, 0.0, 2.0)))
+    tagged = build_mesh(comm, Panels((Panel("RAFT", SQUARE), wall), 1.0), as_it_is)
+    assert tagged.mesh.geometry.index_map().size_global == 25 + 2 * 5
+    assert len(tagged.groups["RAFT"][1]) == 2
+
+
+def test_points_on_a_regular_grid_do_not_refine_it(comm):
+    grid = tuple((float(x), float(y), 0.0) for x in range(5) for y in range(5))
+    coarse = Panels((Panel("RAFT", SQUARE),), 2.0, degree=2, nodes=grid)
+    assert build_mesh(comm, coarse, as_it_is).mesh.topology.index_map(2).size_global == 4
+    # Off the grid they become nodes of a mesh of another pattern.
+    odd = Panels((Panel("RAFT", SQUARE),), 2.0, degree=2, nodes=((1.3, 0.7, 0.0),))
+    whole = gather_mesh(build_mesh(comm, odd, as_it_is))
+    if whole is not None:
+        assert np.min(np.linalg.norm(whole.points - odd.nodes[0], axis=1)) < 1e-12
+
+
+@pytest.mark.parametrize(
+    ("change", "key", "words"),
+    [
+        ({"corners": SQUARE[:2]}, "corners", "at least 3"),
+        ({"corners": ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (2.0, 0.0, 0.0))}, "corners", "on a line"),
+        ({"corners": (*SQUARE[:3], (0.0, 4.0, 1.0))}, "corners", "in one plane"),
+        ({"corners": (SQUARE[0], SQUARE[2], SQUARE[1], (0.0, 3.0, 0.0))}, "corners", "cross"),
+        ({"edge_names": ("S", "E")}, "edges", "4 names"),
+        ({"holes": ((SQUARE[0], SQUARE[1]),)}, "holes[1]", "at least 3"),
+    ],
+)
+def test_impossible_panels_are_refused_by_key(change, key, words):
+    with pytest.raises(ModelError, match=words) as error:
+        Panel(**({"name": "P", "corners": SQUARE} | change))
+    assert error.value.key == key
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("suffix", [".msh", ".med"])
+def test_a_written_mesh_is_read_again(comm, tmp_path, suffix):
+    wall = Panel("WALL", ((1.0, 0.0, 0.0), (1.0, 4.0, 0.0), (1.0, 4.0, 2.0), (1.0, 0.0, 2.0)))
+    panels = Panels((Panel("RAFT", SQUARE, edge_names=("S", "E", "N", "W")), wall), 1.0)
+    path = tmp_path / f"joined plates{suffix}"
+    assert write_mesh(panels, path) == 16 + 8
+    tagged = build_mesh(comm, MeshFile(path), as_it_is)
+    assert {name: d for name, (d, _) in tagged.groups.items()} == {
+        "RAFT": 2, "WALL": 2, **dict.fromkeys(("S", "E", "N", "W", "WALL.1", "WALL.2", "WALL.3", "WALL.4"), 1)
+    }
+    assert (len(tagged.cells("RAFT")), len(tagged.cells("WALL")), len(tagged.facets("N"))) == (16, 8, 4)
+
+
+@pytest.mark.serial
+def test_files_that_are_no_mesh_of_plates_are_refused(comm, tmp_path):
+    with pytest.raises(ModelError, match=".msh or .med"):
+        MeshFile(tmp_path / "plate.stl")
+    with pytest.raises(ModelError, match="there is no file"):
+        MeshFile(tmp_path / "plate.msh")
+    for suffix, content in ((".msh", b"$MeshFormat\nnonsense"), (".med", b"nonsense"), (".msh", b"")):
+        path = tmp_path / f"plate{suffix}"
+        path.write_bytes(content)
+        with pytest.raises(ModelError) as error:
+            build_mesh(comm, MeshFile(path), as_it_is)
+        assert error.value.key == "mesh.file"
+    mixed = tmp_path / "mixed.msh"
+    mixed.write_text(
+        "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n5\n1 0 0 0\n2 1 0 0\n3 1 1 0\n4 0 1 0\n5 2 0 0\n$EndNodes\n"
+        "$Elements\n2\n1 3 2 1 1 1 2 3 4\n2 2 2 1 1 2 5 3\n$EndElements\n"
+    )
+    with pytest.raises(ModelError, match="triangles alone or quadrilaterals alone"):
+        build_mesh(comm, MeshFile(mixed), as_it_is)
