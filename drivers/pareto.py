@@ -17,7 +17,7 @@ import numpy as np
 
 from drivers import peers
 from drivers.output import all_or_nothing, writable_folder
-from drivers.pareto_cases import AS_PUBLISHED, MESH_STEP, Mesh, Run, foot, reference_runs, runs
+from drivers.pareto_cases import AS_PUBLISHED, MESH_STEP, Mesh, Run, foot, rectangle, reference_runs, runs
 from drivers.pareto_errors import Reference, Trace, errors, extrapolated, extrapolated_twice
 from drivers.pareto_orders import observed
 from drivers.pareto_page import Study, page, tables
@@ -194,5 +194,6 @@ def _peers(scene: Scene, options: Options, progress: Callable[[str], None]) -> t
 
 
 def _dofs(scene: Scene, mesh: Mesh) -> int:
-    return 2 * (scene.plate.nx * mesh.factor + 1) * (scene.plate.ny * mesh.factor + 1)
+    plate = rectangle(scene)
+    return 2 * (plate.nx * mesh.factor + 1) * (plate.ny * mesh.factor + 1)
 

@@ -10,6 +10,7 @@ import numpy as np
 from drivers.scene import Scene
 from forms.supports import Support
 from meshes.checked import ModelError
+from meshes.plate import Plate
 from solvers.parameters import Scheme, generalised_alpha, hilber_hughes_taylor
 
 AS_PUBLISHED = "as published"
@@ -47,7 +48,8 @@ class Mesh:
     def name(self, scene: Scene) -> str:
         """Return the number of cells along X and Y, and the degree where it is not 1."""
         kind = "" if self.degree == 1 else ", quadratic"
-        return f"{scene.plate.nx * self.factor} x {scene.plate.ny * self.factor}{kind}"
+        plate = rectangle(scene)
+        return f"{plate.nx * self.factor} x {plate.ny * self.factor}{kind}"
 
 
 @dataclass(frozen=True)
@@ -86,9 +88,16 @@ class Run:
         return ", ".join(parts)
 
 
+def rectangle(scene: Scene) -> Plate:
+    """Return the scene's plate. Raises `ModelError` where it is no rectangle."""
+    if not isinstance(scene.plate, Plate):
+        raise ModelError("mesh", "expected a rectangle with width and height, whose cells the study can cut")
+    return scene.plate
+
+
 def on_mesh(scene: Scene, mesh: Mesh) -> Scene:
     """Return the scene on a finer mesh, or on one of another degree; its supports stay the points that they are."""
-    plate = scene.plate
+    plate = rectangle(scene)
     finer = replace(plate, nx=plate.nx * mesh.factor, ny=plate.ny * mesh.factor, degree=mesh.degree)
     return replace(scene, plate=finer)
 
@@ -100,14 +109,14 @@ def spread(scene: Scene, mesh: Mesh) -> Scene:
     so that the mesh has a limit, which it has not on supports at points: under a point load of a membrane displacements
     grow with the logarithm of the mesh size. Raises `ModelError` for a scene whose supports are no row along that edge.
     """
-    own, width = foot(scene), scene.plate.width
+    own, width = foot(scene), rectangle(scene).width
     finer = on_mesh(scene, mesh)
-    points, share = edge_shares(width, finer.plate.nx, mesh.degree)
+    points, share = edge_shares(width, rectangle(finer).nx, mesh.degree)
     stiffness, mass = own.stiffness[own.axis] * len(own.points), own.mass * len(own.points)
     groups = []
     for j, weight in enumerate(sorted(set(share))):
         along = stiffness * weight / width
-        components = (own.stiffness[0], along) if own.axis == 1 else (along, own.stiffness[1])
+        components = tuple(along if axis == own.axis else value for axis, value in enumerate(own.stiffness))
         at = tuple((x, 0.0) for x, w in zip(points, share, strict=True) if w == weight)
         groups.append(replace(own, name=f"{own.name}{'abc'[j]}", points=at, stiffness=components, mass=mass * weight / width))
     return replace(finer, model=replace(finer.model, supports=tuple(groups)))
@@ -115,14 +124,14 @@ def spread(scene: Scene, mesh: Mesh) -> Scene:
 
 def foot(scene: Scene) -> Support:
     """Return the row of unilateral supports along the bottom edge that can be spread. Raises `ModelError` if it is not all there is."""
-    supports = scene.model.supports
-    if len(supports) != 1 or supports[0].unilateral != "Y":
-        raise ModelError("supports", "expected one group that pushes along Y, to be spread along the bottom edge")
+    supports, plate = scene.model.supports, rectangle(scene)
+    if len(supports) != 1 or supports[0].unilateral != "Y" or len(supports[0].points) < 2 or supports[0].shares:
+        raise ModelError("supports", "expected one group of equal points that pushes along Y, to be spread along the bottom edge")
     points = np.array([point[:2] for point in supports[0].points])
-    even = np.linspace(0.0, scene.plate.width, len(points))
-    if np.any(points[:, 1] != 0) or not np.allclose(np.sort(points[:, 0]), even, atol=1e-9 * scene.plate.width):
+    even = np.linspace(0.0, plate.width, len(points))
+    if np.any(points[:, 1] != 0) or not np.allclose(np.sort(points[:, 0]), even, atol=1e-9 * plate.width):
         raise ModelError("supports", "expected equidistant points from one end of the bottom edge to the other")
-    if scene.plate.nx % (len(points) - 1):
+    if plate.nx % (len(points) - 1):
         raise ModelError("supports", "expected points at nodes of the mesh")
     return supports[0]
 

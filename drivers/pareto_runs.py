@@ -21,7 +21,9 @@ from drivers.pareto_cases import (
     Mesh,
     Run,
     edge_shares,
+    foot,
     on_mesh,
+    rectangle,
     spread,
 )
 from drivers.pareto_errors import Trace, open_time
@@ -115,15 +117,19 @@ def assemble(scene: Scene, case: str, mesh: Mesh, comm: Any) -> Model:
     """Mesh and assemble a case (collective)."""
     assert scene.transient is not None
     plant = prepare(on_mesh(scene, mesh) if case == AS_PUBLISHED else spread(scene, mesh), comm)
-    operators = plant.operators
+    operators, loose = plant.operators, plant.assembled.loose
+    if loose:
+        plant.__exit__()
+        raise ModelError("supports", f"nothing holds the plate against {' and '.join(loose)}: it has no static state")
     probe = scene.model.probes[0].name
     rows = [i for i, name in enumerate(operators.probes.names) if name in (f"{probe}.DX", f"{probe}.DY")]
-    own = np.array([point[:2] for support in scene.model.supports if support.unilateral for point in support.points])
-    points = operators.contacts.points[:, :2]
-    distance = np.linalg.norm(points[None, :, :] - own[:, None, :], axis=2)
-    contacts, share = distance.argmin(axis=1), np.ones(len(own))
+    contacts = np.arange(operators.contacts.law.n_contacts)
+    share = np.ones(len(contacts))
     if case != AS_PUBLISHED:
-        nodes, shares = edge_shares(plant.scene.plate.width, plant.scene.plate.nx, mesh.degree)
+        own = np.array([point[:2] for point in foot(scene).points])
+        contacts = np.linalg.norm(operators.contacts.points[None, :, :2] - own[:, None, :], axis=2).argmin(axis=1)
+        plate = rectangle(plant.scene)
+        nodes, shares = edge_shares(plate.width, plate.nx, mesh.degree)
         share = np.array([shares[np.argmin(np.abs(nodes - x))] for x in own[:, 0]])
     return Model(plant, scene.transient.duration, np.array(rows), contacts, share)
 
@@ -132,13 +138,11 @@ def check(scene: Scene) -> None:
     """Raise `ModelError` for a scene that the study cannot compare."""
     if scene.transient is None:
         raise ModelError("transient", "missing; the study needs the section [transient]")
+    rectangle(scene)
     if not any(support.unilateral for support in scene.model.supports):
         raise ModelError("supports", "expected at least one unilateral support")
     if any(support.unilateral and support.sideways == "released" for support in scene.model.supports):
         raise ModelError("supports", "the published passes cannot release a support sideways; the study needs sideways = 'bonded'")
-    loose = scene.model.free_motions()
-    if loose:
-        raise ModelError("supports", f"nothing holds the plate against {' and '.join(loose)}: it has no static state")
     if abs(scene.transient.duration / INSTANTS - round(scene.transient.duration / INSTANTS)) > 1e-9:
         raise ModelError("transient.duration", f"expected a multiple of {INSTANTS:g} s, the instants at which histories are compared")
 

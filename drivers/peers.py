@@ -14,9 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from drivers.pareto_cases import INSTANTS, MESH_STEP, SPREAD, Mesh, Run, edge_shares, foot, spread
+from drivers.pareto_cases import INSTANTS, MESH_STEP, SPREAD, Mesh, Run, edge_shares, foot, rectangle, spread
 from drivers.pareto_errors import Trace, errors, open_time
 from drivers.scene import Scene
+from meshes.plate import Plate
 
 HERE = Path(__file__).parent
 OWN, SCIPY, OPENSEES = "this project", "scipy loop", "OpenSeesPy"
@@ -52,7 +53,7 @@ def problem(scene: Scene, mesh: Mesh, steps: int) -> dict[str, Any]:
 
     The joint of a support and its contact is condensed to one spring, without its point mass; sideways the foot is held.
     """
-    own, plate, material = foot(scene), scene.plate, scene.model.material
+    own, plate, material = foot(scene), rectangle(scene), scene.model.material
     nx, ny = plate.nx * mesh.factor, plate.ny * mesh.factor
     x, y = np.meshgrid(np.linspace(0, plate.width, nx + 1), np.linspace(0, plate.height, ny + 1))
     first = (np.arange(nx) + (nx + 1) * np.arange(ny)[:, None]).ravel()
@@ -82,20 +83,21 @@ def problem(scene: Scene, mesh: Mesh, steps: int) -> dict[str, Any]:
 
 def misfit(scene: Scene) -> str:
     """Return what of the scene the peers' model does not have; empty if nothing."""
-    own, model, plate = foot(scene), scene.model, scene.plate
+    own, model, plate = foot(scene), scene.model, rectangle(scene)
     checks = {
         "cells that are no bilinear rectangles": plate.cell != "quadrilateral" or plate.degree != 1,
+        "another kind of plate than one in plane stress": scene.kinematics.kind not in ("", "plane stress"),
         "a gap or a preload": own.settlement != 0,
-        "springs along X": any(spring.stiffness[0] != 0 for spring in model.springs),
+        "springs along or about other axes than Y": any(np.any(np.delete(spring.stiffness, 1)) for spring in model.springs),
         "springs or probes off the nodes": any(not _on_node(plate, p) for s in model.springs for p in s.points)
         or not _on_node(plate, model.probes[0].point),
-        "a ground motion along Y": any(motion.direction[1] != 0 for motion in model.motions),
+        "a ground motion that is not along X": any(value != 0 for motion in model.motions for value in motion.direction[1:]),
         "a foot that can slide": own.stiffness[0] < 1e3 * own.stiffness[1],
     }
     return ", ".join(words for words, present in checks.items() if present)
 
 
-def _on_node(plate: Any, point: Any) -> bool:
+def _on_node(plate: Plate, point: Any) -> bool:
     places = point[0] * plate.nx / plate.width, point[1] * plate.ny / plate.height
     return all(abs(place - round(place)) < 1e-9 for place in places)
 
@@ -135,7 +137,7 @@ def run_peer(program: str, python: str, scene: Scene, mesh: Mesh, steps: int, me
         with np.load(files[1]) as loaded:
             answer = dict(loaded)
     tension = given["contact_stiffness"][given["observed_nodes"]] * answer["rise"]
-    _, share = edge_shares(scene.plate.width, scene.plate.nx * mesh.factor, 1)
+    _, share = edge_shares(given["nodes"][:, 0].max(), len(given["held_sideways"]) - 1, 1)
     every = round(INSTANTS / MESH_STEP)
     trace = Trace(
         answer["probe"][::every], (np.maximum(-tension, 0.0) / share[given["observed_nodes"]])[::every], open_time(tension, MESH_STEP)

@@ -238,5 +238,8 @@ def test_opensees_that_cannot_be_had_is_one_line(monkeypatch, tmp_path):
 def test_bad_input(sdls119a, tmp_path, comm):
     with pytest.raises(ModelError, match="expected the name of a file"):
         pareto.pareto(comm, pareto.Options(pareto.SCENE, tmp_path, True, False, True))
+    loose = replace(sdls119a.model.supports[0], stiffness=(0.0, 1e8), contact=(0.0, 1e15))
+    with pytest.raises(ModelError, match="nothing holds the plate against"):
+        assemble(replace(sdls119a, model=replace(sdls119a.model, supports=(loose,))), AS_PUBLISHED, Mesh(), comm)
     with pytest.raises(ModelError, match="at least one unilateral"):
         pareto_runs.check(replace(sdls119a, model=replace(sdls119a.model, supports=())))
