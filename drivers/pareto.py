@@ -67,6 +67,7 @@ def pareto(comm: Any, options: Options) -> None:
     progress: Callable[[str], None] = (lambda text: None) if options.quiet else say
     if why_not:
         progress(f"no spread supports: {why_not}")
+    decay = _decay(scene, comm)
     outcomes, _ = _sweeps_in_child(options)
     for outcome in outcomes:
         progress(_line(scene, outcome))
@@ -78,7 +79,7 @@ def pareto(comm: Any, options: Options) -> None:
         traces |= _reference_traces(scene, case, options.quick, traces, comm, lambda outcome: progress(_line(scene, outcome)))
         references[case] = reference(case, options.quick, traces)
     scored = np.array([_scores(o, references[o.run.case]) for o in outcomes])
-    orders = observed(outcomes, traces, _decay(scene, comm))
+    orders = observed(outcomes, traces, decay)
     measured, remarks = _peers(scene, options, progress) if options.peers and not why_not else ([], [])
     study = Study(
         scene, outcomes, scored, units, references, orders, measured, remarks, why_not, options.command, options.out.stem,

@@ -95,13 +95,6 @@ def rectangle(scene: Scene) -> Plate:
     return scene.plate
 
 
-def on_mesh(scene: Scene, mesh: Mesh) -> Scene:
-    """Return the scene on a finer mesh, or on one of another degree; its supports stay the points that they are."""
-    plate = rectangle(scene)
-    finer = replace(plate, nx=plate.nx * mesh.factor, ny=plate.ny * mesh.factor, degree=mesh.degree)
-    return replace(scene, plate=finer)
-
-
 def spread(scene: Scene, mesh: Mesh) -> Scene:
     """Return the scene on `mesh`, its supports spread along the bottom edge with the same stiffness and mass in all.
 
@@ -109,9 +102,10 @@ def spread(scene: Scene, mesh: Mesh) -> Scene:
     so that the mesh has a limit, which it has not on supports at points: under a point load of a membrane displacements
     grow with the logarithm of the mesh size. Raises `ModelError` for a scene whose supports are no row along that edge.
     """
-    own, width = foot(scene), rectangle(scene).width
-    finer = on_mesh(scene, mesh)
-    points, share = edge_shares(width, rectangle(finer).nx, mesh.degree)
+    own, plate = foot(scene), rectangle(scene)
+    finer = replace(plate, nx=plate.nx * mesh.factor, ny=plate.ny * mesh.factor, degree=mesh.degree)
+    width = plate.width
+    points, share = edge_shares(width, finer.nx, mesh.degree)
     stiffness, mass = own.stiffness[own.axis] * len(own.points), own.mass * len(own.points)
     groups = []
     for j, weight in enumerate(sorted(set(share))):
@@ -119,7 +113,7 @@ def spread(scene: Scene, mesh: Mesh) -> Scene:
         components = tuple(along if axis == own.axis else value for axis, value in enumerate(own.stiffness))
         at = tuple((x, 0.0) for x, w in zip(points, share, strict=True) if w == weight)
         groups.append(replace(own, name=f"{own.name}{'abc'[j]}", points=at, stiffness=components, mass=mass * weight / width))
-    return replace(finer, model=replace(finer.model, supports=tuple(groups)))
+    return replace(scene, plate=finer, model=replace(scene.model, supports=tuple(groups)))
 
 
 def foot(scene: Scene) -> Support:

@@ -22,7 +22,6 @@ from drivers.pareto_cases import (
     Run,
     edge_shares,
     foot,
-    on_mesh,
     rectangle,
     spread,
 )
@@ -116,7 +115,7 @@ class Model:
 def assemble(scene: Scene, case: str, mesh: Mesh, comm: Any) -> Model:
     """Mesh and assemble a case (collective)."""
     assert scene.transient is not None
-    plant = prepare(on_mesh(scene, mesh) if case == AS_PUBLISHED else spread(scene, mesh), comm)
+    plant = prepare(scene if case == AS_PUBLISHED else spread(scene, mesh), comm)
     operators, loose = plant.operators, plant.assembled.loose
     if loose:
         plant.__exit__()
