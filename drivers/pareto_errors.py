@@ -15,7 +15,7 @@ class Trace:
     """What is compared of one run."""
 
     probe: np.ndarray
-    """(nt, 2) m: displacements of the first probe at the common instants."""
+    """(nt, n_components) m: displacements of the first probe at the common instants."""
     force: np.ndarray
     """(nt, n) N, or N/m on spread supports, compression positive: at the observed contacts and the common instants."""
     open_time: np.ndarray

@@ -83,7 +83,7 @@ class Model:
     duration: float
     """s."""
     rows: np.ndarray
-    """Components of the first probe."""
+    """Displacements of the first probe."""
     contacts: np.ndarray
     """The observed contacts: those at the supports of the scene as published, which all meshes have."""
     share: np.ndarray
@@ -121,7 +121,7 @@ def assemble(scene: Scene, case: str, mesh: Mesh, comm: Any) -> Model:
         plant.__exit__()
         raise ModelError("supports", f"nothing holds the plate against {' and '.join(loose)}: it has no static state")
     probe = scene.model.probes[0].name
-    rows = [i for i, name in enumerate(operators.probes.names) if name in (f"{probe}.DX", f"{probe}.DY")]
+    rows = [i for i, name in enumerate(operators.probes.names) if name.startswith(f"{probe}.D")]
     contacts = np.arange(operators.contacts.law.n_contacts)
     share = np.ones(len(contacts))
     if case != AS_PUBLISHED:
@@ -130,7 +130,7 @@ def assemble(scene: Scene, case: str, mesh: Mesh, comm: Any) -> Model:
         plate = rectangle(plant.scene)
         nodes, shares = edge_shares(plate.width, plate.nx, mesh.degree)
         share = np.array([shares[np.argmin(np.abs(nodes - x))] for x in own[:, 0]])
-    return Model(plant, scene.transient.duration, np.array(rows), contacts, share)
+    return Model(plant, scene.transient.duration, np.array(rows, dtype=int), contacts, share)
 
 
 def check(scene: Scene) -> None:
