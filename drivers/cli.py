@@ -180,6 +180,20 @@ def _parser() -> argparse.ArgumentParser:
     scale.add_argument("--quick", action="store_true", help="small meshes only")
     scale.add_argument("--measure", type=int, nargs=3, help=argparse.SUPPRESS)
     scale.set_defaults(command=_scale, quiet=True)
+    pareto = commands.add_parser(
+        "pareto", help="error against run time, by every method",
+        description="Run every method on meshes, steps, bands and basis sizes, on the scene's supports and on spread ones, compare with "
+                    "refined references, and write a page, a picture and tables.",
+    )
+    pareto.add_argument("scene", type=Path, nargs="?", default=REFERENCE, metavar="SCENE.toml", help="default: sdls119a.toml")
+    pareto.add_argument("--out", type=Path, default=Path("docs/pareto.md"), metavar="FILE.md", help="default: %(default)s")
+    pareto.add_argument("--quick", action="store_true", help="fewer and smaller meshes, in three minutes")
+    pareto.add_argument("--peers", action="store_true",
+                        help="measure OpenSeesPy too, installed on request into a virtual environment in the cache, and a scipy loop")
+    pareto.add_argument("--quiet", action="store_true", help="print errors only")
+    pareto.add_argument("--into", type=Path, help=argparse.SUPPRESS)  # the parts that run in a process of their own
+    pareto.add_argument("--peer-mesh", type=int, help=argparse.SUPPRESS)
+    pareto.set_defaults(command=_pareto)
     survey = commands.add_parser(
         "survey", help="uplift case by case, by every method",
         description="Vary the scene one parameter at a time, solve uplift exactly by two methods and by the published passes, and write a "
@@ -440,6 +454,22 @@ def _vary(options: argparse.Namespace, begin: float) -> int:
             runtime.say("\n".join(table_lines(columns, rows)))
             runtime.say(f"{facts['cases']} cases on {len(facts['bases'])} bases in {facts['seconds']:.1f} s\nfiles in {out}")
         return FAILED if facts["failed"] else 0
+
+
+def _pareto(options: argparse.Namespace, begin: float) -> int:
+    sweeping = options.into is not None and options.peer_mesh is None
+    runtime.choose_scalars("complex" if sweeping else "real")
+    runtime.configure_log(quiet=True)
+    with runtime.parallel() as comm:
+        from drivers import pareto
+
+        if sweeping:
+            pareto.sweeps(comm, options.scene, options.into, quick=options.quick)
+        elif options.peer_mesh is not None:
+            pareto.peer_mesh(comm, options.scene, options.into, options.peer_mesh)
+        else:
+            pareto.pareto(comm, pareto.Options(options.scene, options.out, options.quick, options.peers, options.quiet))
+    return 0
 
 
 def _survey(options: argparse.Namespace, begin: float) -> int:
