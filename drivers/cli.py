@@ -80,6 +80,9 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("--basis-file", type=Path, metavar="FILE",
                      help="with --basis: read the basis from this HDF5 file, or write it there if it is not there yet")
     run.add_argument("--out", type=Path, metavar="DIR", help="folder of the results (default: results/SCENE/METHOD)")
+    run.add_argument("--solver", choices=("direct", "iterative"), default="direct",
+                     help="how a transient run solves its systems: by a factor, or by conjugate gradients where a factor does not fit "
+                          "(default: %(default)s)")
     run.add_argument("--groups", type=int, metavar="N",
                      help="split the ranks into N groups that share the frequencies of a sweep (default: chosen from sizes and memory)")
     run.add_argument("--checkpoint", type=_seconds, default=60.0, metavar="SECONDS",
@@ -269,6 +272,8 @@ def _run(options: argparse.Namespace, begin: float) -> int:
     request = _request(options, scene)
     if options.groups is not None and request.method != "time-frequency":
         raise ModelError("--groups", f"shares the points of a sweep, and the method {request.method} has none")
+    if options.solver == "iterative" and request.method != "transient":
+        raise ModelError("--solver", f"iterative belongs to the method transient; {request.method} needs a factor")
     runtime.choose_scalars(request.scalars)
     out = options.out or Path("results") / options.scene.stem / request.method
     if runtime.launch_rank() == 0:
@@ -280,7 +285,7 @@ def _run(options: argparse.Namespace, begin: float) -> int:
         from drivers.report import printed_values, write_run
 
         start_up = time.perf_counter() - begin
-        run = identity(scene, options.scene.parent, request)
+        run = identity(scene, options.scene.parent, request, options.solver)
         need = check_memory(scene, request, comm, groups=options.groups, limit=options.memory)
         with prepare(scene, comm) as plant:
             plant.clock.add("start-up", start_up)
@@ -290,7 +295,8 @@ def _run(options: argparse.Namespace, begin: float) -> int:
                 plant, run, out / "checkpoint", signals, seconds=options.checkpoint, resume=options.resume, quiet=options.quiet
             ) as watch:
                 film = Film(plant)
-                analysis = analyse(plant, request, film, groups=options.groups, watch=watch)
+                iterative = options.solver == "iterative"
+                analysis = analyse(plant, request, film, groups=options.groups, watch=watch, iterative=iterative)
                 analysis.notes["memory_MiB"] = memory_facts(need, comm)
                 write_run(plant, analysis, out, plots=not options.no_plots, film=film, scene_text=text)
             if not options.quiet:

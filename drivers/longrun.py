@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from solvers.watch import Watch
 
 
-def identity(scene: Scene, folder: Path, request: Request) -> str:
-    """Return the digest of all that the histories follow from: the scene, the files in `folder` that it names, and what is asked."""
+def identity(scene: Scene, folder: Path, request: Request, *options: str) -> str:
+    """Return the digest of all that the histories follow from: the scene, the files in `folder` that it names, what is asked."""
     files = {}
 
     def visit(entry: Any) -> None:
@@ -34,7 +34,7 @@ def identity(scene: Scene, folder: Path, request: Request) -> str:
             files[entry] = hashlib.blake2b((folder / entry).read_bytes()).hexdigest()
 
     visit(scene.source)
-    asked = [request.method, request.passes, request.tolerance]
+    asked = [request.method, request.passes, request.tolerance, *options]
     text = json.dumps([scene.source, files, asked], sort_keys=True, default=str)
     return hashlib.blake2b(text.encode(), digest_size=16).hexdigest()
 

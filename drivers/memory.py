@@ -58,8 +58,8 @@ def expected_bytes(scene: Scene, request: Request, ranks: int, groups: int | Non
     channels = 2 * sum(len(s.points) for s in scene.model.supports if s.unilateral)
     columns = channels + len(scene.model.motions) + 2
     if request.method == "time-frequency":
-        assert scene.fourier is not None or scene.transient is not None
-        points = scene.transient.steps + 2 if scene.transient and not request.passes else len(scene.fourier.frequencies)  # type: ignore[union-attr]
+        window = scene.fourier if request.passes else None
+        points = len(window.frequencies) if window else (scene.transient.steps + 2 if scene.transient else 1)
         solution = memory.sweep_bytes(size, columns, points, ranks, groups or 1)
     elif request.method == "modal":
         assert scene.modal is not None
@@ -89,8 +89,9 @@ def check_memory(scene: Scene, request: Request, comm: Any, *, groups: int | Non
     if short > 0:
         raise ModelError(
             "--memory",
-            f"the run will need some {share / GIB:.3g} GiB on a machine that "
-            f"{'has' if limit is None else 'may give'} {left / GIB:.3g} GiB; a coarser mesh, more machines, or another --memory",
+            f"the run will need some {share / GIB:.3g} GiB on a machine that {'has' if limit is None else 'may give'} "
+            f"{left / GIB:.3g} GiB; "
+            "a coarser mesh, more machines, or another --memory",
         )
     return need
 
@@ -100,4 +101,5 @@ def memory_facts(need: float, comm: Any) -> dict[str, float]:
     from solvers.memory import peak_bytes
 
     largest, whole = peak_bytes(comm)
-    return {name: round(value / 2**20, 1) for name, value in (("estimated", need), ("peak_all_ranks", whole), ("peak_largest_rank", largest))}
+    facts = {"estimated": need, "peak_all_ranks": whole, "peak_largest_rank": largest}
+    return {name: round(value / 2**20, 1) for name, value in facts.items()}

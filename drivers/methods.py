@@ -12,6 +12,7 @@ from drivers.film import Film
 from drivers.request import Request
 from drivers.runtime import require_scalars
 from drivers.scene import Transient
+from forms.labels import rigid_motions
 from meshes.checked import ModelError
 from solvers.history import History
 from solvers.newmark import Newmark, State, at_rest, settled_state, static_state, transient
@@ -32,12 +33,20 @@ LEDGER_DOFS = 50_000
 
 
 def analyse(
-    plant: Plant, request: Request, film: Film | None = None, *, groups: int | None = None, watch: Watch | None = None
+    plant: Plant,
+    request: Request,
+    film: Film | None = None,
+    *,
+    groups: int | None = None,
+    watch: Watch | None = None,
+    iterative: bool = False,
 ) -> Analysis:
-    """Run one method (collective), filmed if a film is given. Raises `ModelError` where it needs a static state and nothing holds the plate.
+    """Run one method (collective), filmed if a film is given.
 
-    A sweep uses `groups` groups of ranks (None: chosen from the sizes); `watch` shows the progress of long loops and keeps their
-    checkpoints.
+    Raises `ModelError` where it needs a static state and nothing holds the plate.
+
+    A sweep uses `groups` groups of ranks (None: chosen from the sizes), a transient run solves its systems by a factor or by an
+    `iterative` method; `watch` shows the progress of long loops and keeps their checkpoints.
     """
     request.check_held(plant.scene, plant.assembled.loose)
     if request.basis is not None:
@@ -49,7 +58,7 @@ def analyse(
         sweep = _laplace if request.passes is None else _fourier
         analysis = sweep(plant, request, film, groups, watch)
     elif request.method == "transient":
-        analysis = _transient(plant, request, film, watch)
+        analysis = _transient(plant, request, film, watch, iterative)
     else:
         analysis = (_modal if request.method == "modal" else _static)(plant, request, film)
     if film is not None and analysis.passes.ended == "diverged":
@@ -70,15 +79,15 @@ def _settings(plant: Plant) -> Transient:
     return settings
 
 
-def _start_state(plant: Plant, *, exact_uplift: bool) -> State:
+def _start_state(plant: Plant, *, exact_uplift: bool, motions: np.ndarray | None = None) -> State:
     settings = _settings(plant)
     if settings.start == "rest":
         return at_rest(plant.operators)
     if settings.start == "static":
-        return static_state(plant.operators, exact_uplift=exact_uplift)
+        return static_state(plant.operators, exact_uplift=exact_uplift, motions=motions)
     settling = settings.settling
     scheme = Scheme(settling.beta, settling.gamma)
-    return settled_state(plant.operators, scheme, settling.step, settling.steps, exact_uplift=exact_uplift)
+    return settled_state(plant.operators, scheme, settling.step, settling.steps, exact_uplift=exact_uplift, motions=motions)
 
 
 class LiftedShare:
@@ -122,16 +131,20 @@ class _Audience:
             self._film.restore(shares[1], fields)
 
 
-def _transient(plant: Plant, request: Request, film: Film | None, watch: Watch | None) -> Analysis:
+def _transient(plant: Plant, request: Request, film: Film | None, watch: Watch | None, iterative: bool) -> Analysis:
     settings, exact = _settings(plant), request.passes is None
+    components = plant.assembled.components
+    if iterative and any(name.startswith("DR") for name in components):
+        raise ModelError("--solver", "iterative solves for displacements alone; a shell with rotations needs the direct one")
+    motions = rigid_motions(plant.assembled.labels, components) if iterative else None
     with (
         plant.clock.remainder("solution"),
-        _start_state(plant, exact_uplift=exact) as start,
-        Newmark(plant.operators, settings.scheme, settings.step, exact_uplift=exact) as method,
+        _start_state(plant, exact_uplift=exact, motions=motions) as start,
+        Newmark(plant.operators, settings.scheme, settings.step, exact_uplift=exact, motions=motions) as method,
     ):
         plant.clock.add("factorisation", method.solver.factor_seconds)
         if settings.start == "settled" and exact:
-            with static_state(plant.operators, exact_uplift=True) as static:
+            with static_state(plant.operators, exact_uplift=True, motions=motions) as static:
                 away = _unsettled(plant, static)
             if away > SETTLED:
                 log.warning("the settling steps end %.1e (relative) away from the state of rest: more of them, or start = 'static'", away)

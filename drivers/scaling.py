@@ -142,11 +142,11 @@ def page(rows: list[dict[str, Measured]], reduced_rows: Sequence[str], *, quick:
     """Return the page in Markdown; `reduced_rows` are the lines of the table of the reduced run, head included (none: left out)."""
     names = list(LAYOUTS)
     dofs = [row[names[0]].dofs for row in rows]
-    exponents = {name: slope(dofs, [row[name].seconds / row[name].points for row in rows]) for name in names}
+    exponents = {name: slope(dofs, [row[name].cpu / row[name].points for row in rows]) for name in names}
     large = [i for i, n in enumerate(dofs) if n > 4000]
     upper = ""
     if len(large) > 1:
-        late = slope([dofs[i] for i in large], [rows[i][names[0]].seconds / rows[i][names[0]].points for i in large])
+        late = slope([dofs[i] for i in large], [rows[i][names[0]].cpu / rows[i][names[0]].points for i in large])
         upper = f"; {late:.2f} on one rank over the meshes of more than 4,000 dofs"
     about = versions()
     growth = ", ".join(f"{p:.2f} ({name})" for name, p in exponents.items())
@@ -156,17 +156,18 @@ def page(rows: list[dict[str, Measured]], reduced_rows: Sequence[str], *, quick:
     return f"""# How the sweep grows
 
 Seconds of the direct sweep of the reference scene on finer and finer meshes, the whole of it: dealing out the matrices, one
-factorisation a frequency (complex, L D L^T by MUMPS), one solve for all loads and unit contact forces, their check, gathering. Mesh, assembly
-and start-up are left out. Wall seconds, and in parentheses the processor seconds of the busier rank, which other work on the
-machine disturbs less. The layouts took turns, {1 if quick else ROUNDS} time(s) each, and the shortest time counts.
+factorisation a frequency (complex, L D L^T by MUMPS), one solve for all loads and unit contact forces, their check, gathering. Mesh,
+assembly and start-up are left out. Wall seconds, and in parentheses the processor seconds of the busier rank, which other work on the
+machine disturbs less. The layouts took turns, up to {1 if quick else ROUNDS} time(s) each, and the shortest time counts.
 
 {table}
 
-By groups, each rank holds all matrices and takes every second frequency; with the domain split, two ranks share each factor. Ratios: below 0.5 is not to be had
-from two ranks; above 1 the second rank is a loss. Both ranks run on one machine here, so memory and its bandwidth are shared, and no network is in the way.
+By groups, each rank holds all matrices and takes every second frequency; with the domain split, two ranks share each factor.
+Ratios below 0.5 are not to be had from two ranks; above 1 the second rank is a loss. Both ranks run on one machine, so they share
+its memory and the way to it, and no network is between them.
 
-Growth: seconds a frequency grow as dofs^p with p = {growth}{upper}. Nested dissection of a plane mesh promises p = 1.5 for
-the factorisation at large sizes, 1 for everything else.
+Growth: processor seconds a frequency grow as dofs^p with p = {growth}{upper}.
+Nested dissection of a plane mesh promises p = 1.5 for the factorisation of large meshes, 1 for everything else.
 
 {reduced}## {FREQUENCIES:,} frequencies on {NODES} nodes
 
@@ -191,16 +192,18 @@ def _extrapolation(rows: list[dict[str, Measured]]) -> str:
         lines.append(f"| {row[one].dofs:,} | {busy:.3f} | {turns} | {turns * busy:.1f} | {alone:,.0f} | {row[two].memory / 2**30:.2f} |")
     last, first = rows[-1], rows[0]
     best = min(row[split].seconds / row[one].seconds for row in rows)
+    busiest = last[two].seconds * 2 / last[two].points
     splitting = f"the best ratio measured above is {best:.2f}"
-    return f"""Measured: the time of a frequency with both ranks of a machine at work, in groups of one rank. Assumed: {NODES} machines like this one,
-two ranks each, which do not slow each other down, as they have nothing to say to each other between the first and the last frequency.
+    return f"""Measured: the time of a frequency with both ranks of a machine at work, in groups of one rank.
+Assumed: {NODES} machines like this one, two ranks each, which do not slow each other down, as they have nothing to
+say to each other between the first and the last frequency.
 
 {chr(10).join(lines)}
 
-The limit. With {2 * NODES} ranks the {FREQUENCIES:,} frequencies take {turns} turns; more than {FREQUENCIES:,} ranks find no frequency of their own, and the sweep
-cannot become shorter than one frequency takes ({last[two].seconds * 2 / last[two].points:.2f} s at {last[one].dofs:,} dofs), unless ranks share a
-factor: {splitting}. Before the sweep every rank needs its mesh and matrices: {first[two].ready:.1f} s at {first[one].dofs:,} dofs
-and {last[two].ready:.1f} s at {last[one].dofs:,}, which more machines do not shorten where each holds everything. The memory of a rank is that of the whole
-process; a rank must hold a whole factor, and where that no longer fits a group takes more ranks. What was not measured: a network, more than two ranks, and the
-gathering of the answers from many ranks, some kilobytes a frequency.
+The limit. With {2 * NODES} ranks the {FREQUENCIES:,} frequencies take {turns} turns; more than {FREQUENCIES:,} ranks find no frequency
+of their own, and the sweep cannot become shorter than one frequency takes ({busiest:.2f} s at {last[one].dofs:,} dofs), unless ranks
+share a factor: {splitting}. Before the sweep comes the model itself, {first[two].ready:.1f} s at {first[one].dofs:,} dofs
+and {last[two].ready:.1f} s at {last[one].dofs:,} on two ranks. A rank must hold a whole factor; its memory in the table is that of the
+whole process, and where it no longer fits a group takes more ranks. Not measured: a network, more than two ranks, dealing the
+matrices out to many groups, and gathering the answers from them, some kilobytes a frequency.
 """

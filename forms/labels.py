@@ -37,3 +37,26 @@ def row_labels(space: Any, numbering: Numbering, extra_nodes: np.ndarray) -> np.
         seen[node] = seen.get(node, 0) + 1
         labels[numbering.extra_row(number)] = *places[node], 0, seen[node]
     return labels
+
+
+def rigid_motions(labels: np.ndarray, components: tuple[str, ...] = ("DX", "DY")) -> np.ndarray:
+    """Return the rigid motions (k, n_local) of the displacements DX, DY, DZ from labels (n_local, 5): translations, then rotations.
+
+    Rows of joints are left at zero: a plate that moves rigidly on its joints strains them. Rotation dofs are not among what is known of.
+    """
+    place, plate = labels[:, :3] / CELLS - 0.5, labels[:, 4] == 0
+    kind = np.where(plate, labels[:, 3], -1)
+    rows = {name: kind == number for number, name in enumerate(components)}
+    motions = []
+    for axis in "XYZ":
+        if f"D{axis}" in rows:
+            motions.append(rows[f"D{axis}"].astype(float))
+    for about in range(3):
+        one, two = (about + 1) % 3, (about + 2) % 3
+        motion = np.zeros(len(labels))
+        for along, arm in ((two, place[:, one]), (one, -place[:, two])):
+            if f"D{'XYZ'[along]}" in rows:
+                motion += np.where(rows[f"D{'XYZ'[along]}"], arm, 0.0)
+        if {f"D{'XYZ'[one]}", f"D{'XYZ'[two]}"} <= rows.keys():
+            motions.append(motion)
+    return np.array(motions)

@@ -29,7 +29,7 @@ from forms.operators import Operators
 from solvers.contact import ContactProblem, settled_release
 from solvers.energy import EnergyMeter
 from solvers.history import History
-from solvers.linear import SMALL, DirectSolver
+from solvers.linear import SMALL, LinearSolver, definite_solver
 from solvers.parameters import Scheme
 from solvers.record import KeptMarch, Observer, Record
 from solvers.watch import Loop, Watch
@@ -89,7 +89,7 @@ def tensions(operators: Operators, displacement: Any) -> np.ndarray:
 class ContactCompliance:
     """Answers of one factorised matrix to unit release forces, and the contact problem they make."""
 
-    def __init__(self, operators: Operators, solver: DirectSolver, factor: float) -> None:
+    def __init__(self, operators: Operators, solver: LinearSolver, factor: float) -> None:
         """Solve once for each channel (collective); `factor` turns a solution into the displacement it stands for."""
         contacts = operators.contacts
         n = contacts.law.n_channels
@@ -122,8 +122,9 @@ class Newmark:
         damped: bool = True,
         exact_uplift: bool = False,
         prefix: str = "newmark_",
+        motions: np.ndarray | None = None,
     ) -> None:
-        """Factorise the effective matrix (collective).
+        """Factorise the effective matrix, or with the rigid `motions` (k, n_local) set up its iterative solution (collective).
 
         `step` in s; `damped=False` leaves the damping out; `exact_uplift` finds the release forces at every step, else
         contacts stay bonded but for release forces that are given.
@@ -139,7 +140,8 @@ class Newmark:
         if self.damping is not None:
             effective.axpy(keep * scheme.gamma * step, self.damping, structure=SAME)
         self._effective = effective
-        self.solver = DirectSolver(effective, prefix, definite=True, what="time step")
+        self.motions = motions
+        self.solver = definite_solver(effective, prefix, "time step", motions)
         self._right, self._work, self._mean = (operators.new_vector() for _ in range(3))
         self._steps = 0
         self.load_scale = 0.0
@@ -249,7 +251,15 @@ def loads_at(operators: Operators, values: np.ndarray, release: np.ndarray) -> A
     return right
 
 
-def balance_acceleration(operators: Operators, state: State, values: np.ndarray, time_scale: float, *, damped: bool = True) -> None:
+def balance_acceleration(
+    operators: Operators,
+    state: State,
+    values: np.ndarray,
+    time_scale: float,
+    *,
+    damped: bool = True,
+    motions: np.ndarray | None = None,
+) -> None:
     """Set the acceleration that the equation of motion asks for: M a = f - C v - K u (collective).
 
     `values` (n_loads,) are the load histories at this instant. Dofs without mass (massless joints) follow from their own
@@ -268,22 +278,22 @@ def balance_acceleration(operators: Operators, state: State, values: np.ndarray,
         matrix = operators.mass.copy()
         if operators.comm.allreduce(lightest, op=min) == 0:
             matrix.axpy(1e-13 * time_scale**2, operators.stiffness, structure=SAME)
-        with DirectSolver(matrix, "initial_", definite=True, what="initial acceleration") as solver:
+        with definite_solver(matrix, "initial_", "initial acceleration", motions) as solver:
             solver.solve(right, state.acceleration, check=True)
         matrix.destroy()
     right.destroy()
     work.destroy()
 
 
-def static_state(operators: Operators, *, exact_uplift: bool = False) -> State:
+def static_state(operators: Operators, *, exact_uplift: bool = False, motions: np.ndarray | None = None) -> State:
     """Return the static answer to the static loads (collective); contacts bonded, or lifted where they pull.
 
-    Raises `SolverError` if there is none.
+    With the rigid `motions` (k, n_local) it is found iteratively. Raises `SolverError` if there is none.
     """
     state = at_rest(operators)
     values = load_values(operators, np.zeros(1), static_only=True)[0]
     right = loads_at(operators, values, state.release)
-    with DirectSolver(operators.stiffness, "static_", definite=True, what="static initial state") as solver:
+    with definite_solver(operators.stiffness, "static_", "static initial state", motions) as solver:
         solver.solve(right, state.displacement, check=right.norm() > 0)
         if exact_uplift and state.release.size:
             compliance = ContactCompliance(operators, solver, 1.0)
@@ -294,15 +304,24 @@ def static_state(operators: Operators, *, exact_uplift: bool = False) -> State:
     return state
 
 
-def settled_state(operators: Operators, scheme: Scheme, step: float, steps: int, *, exact_uplift: bool = False) -> State:
+def settled_state(
+    operators: Operators,
+    scheme: Scheme,
+    step: float,
+    steps: int,
+    *,
+    exact_uplift: bool = False,
+    motions: np.ndarray | None = None,
+) -> State:
     """Return the state after `steps` undamped steps under the static loads from rest, ending at time 0 (collective).
 
-    With beta = 1, gamma = 1.5 and long steps this is the static answer, by numerical damping, as the source obtains it.
+    With the rigid `motions` (k, n_local) systems are solved iteratively. With beta = 1, gamma = 1.5 and long steps
+    this is the static answer, by numerical damping, as the source obtains it.
     """
     state = at_rest(operators)
     values = load_values(operators, np.zeros(1), static_only=True)[0]
-    balance_acceleration(operators, state, values, step, damped=False)
-    with Newmark(operators, scheme, step, damped=False, exact_uplift=exact_uplift, prefix="settle_") as method:
+    balance_acceleration(operators, state, values, step, damped=False, motions=motions)
+    with Newmark(operators, scheme, step, damped=False, exact_uplift=exact_uplift, prefix="settle_", motions=motions) as method:
         method.load_scale = load_scale(operators, values[None, :])
         for _ in range(steps):
             method.advance(state, (values, values))
@@ -345,7 +364,7 @@ def transient(
                 state.release = given[0]
             elif method.compliance is None:
                 state.release = np.zeros_like(state.release)
-            balance_acceleration(operators, state, values[0], method.step)
+            balance_acceleration(operators, state, values[0], method.step, motions=method.motions)
             record.add(state, values[0], row=0)
             reached = 0
         elif record.meter is not None:
