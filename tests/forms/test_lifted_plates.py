@@ -146,6 +146,7 @@ def raft_in_polynomials(load, degree, points, springs):
     return force, plate.at([(10.0, 10.0), (5.0, 5.0)]) @ u
 
 
+@pytest.mark.serial
 def test_a_raft_on_springs_lifts_its_corners_under_a_central_load(comm):
     """The same 72 of 121 springs lift, and all forces and deflections agree to 2e-3 of the largest.
 
