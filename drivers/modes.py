@@ -15,6 +15,7 @@ from drivers.output import all_or_nothing, versions, write_columns, write_summar
 from drivers.scene import Scene
 from meshes.checked import ModelError
 from meshes.gather import WholeMesh, gather_mesh, gather_nodal
+from meshes.tagged import extent_of
 from solvers.errors import SolverError
 from solvers.modal import Modes, dofs_with_mass, effective_masses, modes
 
@@ -81,8 +82,7 @@ def _rigid_modes(plant: Plant) -> tuple[int, float]:
     The shift is that of a wave which crosses the plate in 1 s / sqrt(-shift), a wave of bending if the plate can bend, so of the size
     of its lowest eigenvalues.
     """
-    material, x = plant.scene.model.material, plant.tagged.mesh.geometry.x
-    extent = plant.operators.comm.allreduce(float(np.max(np.ptp(x, axis=0), initial=0.0)), op=max)
+    material, extent = plant.scene.model.material, extent_of(plant.tagged.mesh.geometry.x, plant.operators.comm)
     slender = 1.0 if plant.assembled.kind == "plane stress" else min(1.0, 10 * (material.thickness / extent) ** 2)
     shift = -float(f"{slender * material.young / material.density / extent ** 2:.1g}")
     level = logging.root.manager.disable

@@ -10,7 +10,7 @@ from petsc4py import PETSc
 
 from forms.supports import Placed
 from meshes.checked import ModelError
-from meshes.tagged import SIDES, TaggedMesh
+from meshes.tagged import SIDES, TaggedMesh, extent_of
 
 LENGTHS = {1: (0.5, 0.5), 2: (1 / 6, 4 / 6, 1 / 6), 3: (1 / 12, 5 / 12, 5 / 12, 1 / 12)}
 """Integrals of the Lagrange functions of an edge of length 1 by degree: ends outside, inner nodes at the Gauss-Lobatto points."""
@@ -22,7 +22,7 @@ def nodes_of(tagged: TaggedMesh, space: Any, group: str) -> np.ndarray:
     owned = space.dofmap.index_map.size_local
     if dimension == 0:
         at = space.tabulate_dof_coordinates()[:owned]
-        extent = max(tagged.mesh.comm.allgather(float(np.ptp(tagged.mesh.geometry.x, axis=0).max(initial=0.0))))
+        extent = extent_of(tagged.mesh.geometry.x, tagged.mesh.comm)
         return np.flatnonzero(np.linalg.norm(at - tagged.points[group], axis=1) <= 1e-6 * extent)
     entities = tagged.facets(group) if dimension == 1 else tagged.cells(group)
     nodes = dolfinx.fem.locate_dofs_topological(space, dimension, entities.astype(np.int32))
@@ -76,6 +76,6 @@ def at_nodes(placed: Placed, tagged: TaggedMesh, space: Any, degree: int, area: 
         nodes, share = nodes[share > 0], share[share > 0]
     parts = tagged.mesh.comm.allgather((space.tabulate_dof_coordinates()[nodes], share))
     points, shares = np.concatenate([p for p, _ in parts]), np.concatenate([s for _, s in parts])
-    extent = float(np.ptp(points, axis=0).max(initial=0.0)) or 1.0
+    extent = extent_of(tagged.mesh.geometry.x, tagged.mesh.comm)
     order = np.lexsort(np.round(points / extent, 9).T)
     return placed.at(points[order], shares[order])

@@ -11,6 +11,7 @@ from scipy.spatial import cKDTree
 
 from meshes.checked import ModelError
 from meshes.releases import cell_containing
+from meshes.tagged import extent_of
 
 
 def owned_nodes(space: Any, points: np.ndarray, what: str) -> np.ndarray:
@@ -21,7 +22,7 @@ def owned_nodes(space: Any, points: np.ndarray, what: str) -> np.ndarray:
     comm = space.mesh.comm
     owned = space.dofmap.index_map.size_local
     nodes = space.tabulate_dof_coordinates()[:owned]
-    extent = comm.allreduce(float(np.ptp(nodes, axis=0).max(initial=0.0)) if owned else 0.0, op=MPI.MAX)
+    extent = extent_of(nodes, comm)
     found = np.full(len(points), -1)
     distance = np.full(len(points), np.inf)
     if owned and len(points):
@@ -50,7 +51,7 @@ def interpolation(space: Any, point: np.ndarray, what: str) -> tuple[np.ndarray,
     owned = space.tabulate_dof_coordinates()[: index_map.size_local]
     apart = np.linalg.norm(owned - point, axis=1)
     nearest = float(apart.min(initial=np.inf))
-    extent = comm.allreduce(float(np.ptp(space.mesh.geometry.x, axis=0).max(initial=0.0)), op=MPI.MAX)
+    extent = extent_of(space.mesh.geometry.x, comm)
     if comm.allreduce(nearest, op=MPI.MIN) <= 1e-9 * extent:
         closest = comm.allreduce((nearest, comm.rank), op=MPI.MINLOC)[1]
         here = [int(np.argmin(apart))] if comm.rank == closest else []

@@ -9,6 +9,7 @@ import numpy as np
 from forms.joints import foot_middle, resultants_of
 from forms.parameters import PlateModel
 from forms.supports import AXES
+from meshes.tagged import extent_of
 
 MOTIONS = {
     "plane stress": {0: "sliding along X", 1: "moving along Y", 5: "rotation"},
@@ -26,7 +27,7 @@ def free_motions(forms: Any, model: PlateModel, held: np.ndarray) -> tuple[str, 
     words, center = MOTIONS[forms.kind], foot_middle(model)
     picked = list(words)
     at = forms.space.tabulate_dof_coordinates()
-    reach = max(forms.space.mesh.comm.allgather(float(np.ptp(at, axis=0).max(initial=0.0)))) or 1.0
+    reach = extent_of(at, forms.space.mesh.comm)
     scale = np.where(np.array(picked) < 3, 1.0, 1.0 / reach)
     present = [AXES.index(name[1:]) for name in forms.components]
     resisted = np.zeros((len(picked), len(picked)))

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from mpi4py import MPI
 
 from meshes.checked import ModelError
 from meshes.imported import MeshFile, imported_model
@@ -170,3 +171,11 @@ def build_mesh(comm: Any, source: MeshSource, layout: Callable[[bool, int], tupl
 def _flat(model: Any) -> bool:
     coordinates = model.mesh.getNodes()[1].reshape(-1, 3)
     return bool(np.max(np.abs(coordinates[:, 2])) <= 1e-9 * np.ptp(coordinates, axis=0).max())
+
+
+def extent_of(points: np.ndarray, comm: Any) -> float:
+    """Return the longest side in m of the box that holds the points (n, 3) of all ranks, some of which may have none (collective)."""
+    ends = np.concatenate([points.max(axis=0), -points.min(axis=0)]) if len(points) else np.full(6, -np.inf)
+    highest = np.empty_like(ends)
+    comm.Allreduce(ends, highest, op=MPI.MAX)
+    return float(np.max(highest[:3] + highest[3:]))

@@ -118,6 +118,7 @@ class Shell:
         facets = dolfinx.mesh.locate_entities_boundary(self.mesh, 1, where)
         columns = [self.layout.components.index(name) for name in names if name in self.layout.components]
         nodes = np.unique(dolfinx.fem.locate_dofs_topological(self.layout.space, 1, facets))
+        nodes = nodes[nodes < self.layout.space.dofmap.index_map.size_local]
         return (nodes[:, None] * self.size + np.array(columns, dtype=int)).ravel()
 
     def everywhere(self, names):
