@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import logging
 import sys
 import time
 from pathlib import Path
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING
 from drivers import runtime
 from drivers.request import Request
 from drivers.scene import METHODS
+from drivers.scene_commands import add_scene_commands
 from meshes.checked import ModelError
 from solvers.errors import SolverError, Stopped
 
@@ -20,6 +22,8 @@ if TYPE_CHECKING:
     from drivers.analysis import Plant
     from drivers.scene import Scene
     from solvers.passes import Passes
+
+log = logging.getLogger(__name__)
 
 BAD_INPUT, FAILED = 2, 1
 
@@ -93,6 +97,8 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("--no-plots", action="store_true", help="draw no pictures")
     run.add_argument("--quiet", action="store_true", help="print errors only")
     run.set_defaults(command=_run)
+
+    add_scene_commands(commands)
 
     verify = commands.add_parser(
         "verify", help="rerun SDLS119 and compare the published values",
@@ -297,10 +303,13 @@ def _run(options: argparse.Namespace, begin: float) -> int:
     from drivers.memory import check_memory, memory_facts
     from drivers.output import writable_folder
     from drivers.scene import read_scene
+    from drivers.scene_warnings import scene_warnings
 
     scene = read_scene(options.scene)
     text = options.scene.read_text(encoding="utf-8")
     request = _request(options, scene)
+    for words in scene_warnings(scene):
+        log.warning(words)
     if options.groups is not None and request.method != "time-frequency":
         raise ModelError("--groups", f"shares the points of a sweep, and the method {request.method} has none")
     if options.solver == "iterative" and request.method != "transient":
