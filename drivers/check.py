@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from drivers.memory import GIB, expected_bytes, expected_size
-from drivers.request import Request
+from drivers.request import IN_A_BASIS, Request
 from drivers.scene import METHODS, Scene
 from drivers.scene_warnings import scene_warnings
 from forms.kinematics import choose
@@ -89,7 +89,8 @@ def _methods(scene: Scene, loose: tuple[str, ...], ranks: int) -> list[str]:
     lines = []
     for method in METHODS:
         own = method == scene.run.method
-        request = Request(method, (scene.run.iterations or None) if own else None)
+        basis = scene.basis.tolerance if scene.basis is not None and method in IN_A_BASIS else None
+        request = Request(method, (scene.run.iterations or None) if own else None, basis=basis)
         try:
             request.check(scene)
             request.check_held(scene, loose)
@@ -98,5 +99,6 @@ def _methods(scene: Scene, loose: tuple[str, ...], ranks: int) -> list[str]:
             continue
         usual = "; the scene's own" if own else ""
         need = expected_bytes(scene, request, ranks, None) / GIB
-        lines.append(f"method      {method + ':':<16}yes, {request.scalars} PETSc, some {need:.2g} GiB{usual}")
+        where = f"{request.scalars} PETSc{', in a basis' if basis else ''}"
+        lines.append(f"method      {method + ':':<16}yes, {where}, some {need:.2g} GiB{usual}")
     return lines

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from drivers import runtime
-from drivers.request import Request
+from drivers.request import IN_A_BASIS, Request
 from drivers.scene import METHODS
 from drivers.scene_commands import add_scene_commands
 from meshes.checked import ModelError
@@ -79,8 +79,9 @@ def _parser() -> argparse.ArgumentParser:
                           "bonded; 'exact' overrules the scene. Default: what the scene says, else uplift is solved exactly")
     run.add_argument("--tolerance", type=_positive, metavar="TOL",
                      help=f"end the published passes when change and law are met to TOL; exit code 1 if N (default {MANY}) do not do")
-    run.add_argument("--basis", type=_positive, metavar="TOL",
-                     help="run in a Krylov basis grown to the relative residual TOL instead of in all dofs")
+    run.add_argument("--basis", type=_basis, metavar="TOL",
+                     help="run in a Krylov basis grown to the relative residual TOL instead of in all dofs; 'none' overrules the scene "
+                          "(default: what its section [basis] says, else all dofs)")
     run.add_argument("--basis-file", type=Path, metavar="FILE",
                      help="with --basis: read the basis from this HDF5 file, or write it there if it is not there yet")
     run.add_argument("--out", type=Path, metavar="DIR", help="folder of the results (default: results/SCENE/METHOD)")
@@ -266,6 +267,11 @@ def _positive(text: str) -> float:
     return number
 
 
+def _basis(text: str) -> float:
+    """Return the tolerance, 0 for no basis."""
+    return 0.0 if text == "none" else _positive(text)
+
+
 def _seconds(text: str) -> float:
     try:
         number = float(text)
@@ -293,7 +299,12 @@ def _request(options: argparse.Namespace, scene: Scene) -> Request:
         if options.iterations == 0:
             raise ModelError("--tolerance", "ends the published passes; exact uplift needs none")
         passes = MANY
-    request = Request(options.method or scene.run.method, passes or None, options.tolerance, options.basis, options.basis_file)
+    method, basis, file = options.method or scene.run.method, options.basis, options.basis_file
+    if basis is None and scene.basis is not None and method in IN_A_BASIS:
+        basis = scene.basis.tolerance
+    if basis and file is None and scene.basis is not None and scene.basis.file:
+        file = options.scene.parent / scene.basis.file
+    request = Request(method, passes or None, options.tolerance, basis or None, file)
     request.check(scene)
     return request
 
