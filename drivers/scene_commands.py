@@ -29,6 +29,12 @@ def add_scene_commands(commands: Any) -> None:
     new.add_argument("--list", action="store_true", help="list the scenes that ship")
     new.set_defaults(command=_new)
 
+    schema = commands.add_parser(
+        "schema", help="all keys of a scene file", description="Print all keys of a scene file with their units, defaults and ranges."
+    )
+    schema.add_argument("--out", type=Path, metavar="FILE.md", help="write them there instead")
+    schema.set_defaults(command=_schema)
+
 
 def _check(options: argparse.Namespace, begin: float) -> int:
     from drivers.scene import read_scene
@@ -52,4 +58,15 @@ def _new(options: argparse.Namespace, begin: float) -> int:
         raise ModelError("NAME", "expected the name of the new scene, or --list")
     path = new_scene(options.name, options.source)
     runtime.say(f"{path}: a copy of {options.source}; next: python3 -m drivers check {path}")
+    return 0
+
+
+def _schema(options: argparse.Namespace, begin: float) -> int:
+    from drivers.schema import page
+
+    if options.out is None:
+        runtime.say(page())
+        return 0
+    options.out.write_text(page(), encoding="utf-8")
+    runtime.say(str(options.out))
     return 0
