@@ -95,6 +95,7 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("--resume", action="store_true", help="go on from the checkpoint in DIR/checkpoint")
     run.add_argument("--memory", type=_gibibytes, metavar="GiB",
                      help="memory that the run may take on each machine (default: what is available); one that will need more is refused")
+    run.add_argument("--overwrite", action="store_true", help="write over the results that the folder holds")
     run.add_argument("--no-plots", action="store_true", help="draw no pictures")
     run.add_argument("--quiet", action="store_true", help="print errors only")
     run.set_defaults(command=_run)
@@ -123,6 +124,7 @@ def _parser() -> argparse.ArgumentParser:
     which.add_argument("--number", type=int, metavar="N", help="the N lowest modes (default: what the section [modal] says, else 20)")
     which.add_argument("--band", type=float, nargs=2, metavar=("LOW", "HIGH"), help="all modes between two frequencies in Hz")
     modes.add_argument("--out", type=Path, metavar="DIR", help="folder of the results (default: results/SCENE/modes)")
+    modes.add_argument("--overwrite", action="store_true", help="write over the results that the folder holds")
     modes.add_argument("--no-plots", action="store_true", help="draw no pictures")
     modes.add_argument("--quiet", action="store_true", help="print errors only")
     modes.set_defaults(command=_modes)
@@ -133,6 +135,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     truncation.add_argument("scene", type=Path, metavar="SCENE.toml", help="the scene file")
     truncation.add_argument("--out", type=Path, metavar="DIR", help="folder of the results (default: results/SCENE/truncation)")
+    truncation.add_argument("--overwrite", action="store_true", help="write over the results that the folder holds")
     truncation.add_argument("--no-plots", action="store_true", help="draw no pictures")
     truncation.add_argument("--quiet", action="store_true", help="print errors only")
     truncation.set_defaults(command=_truncation)
@@ -169,6 +172,7 @@ def _parser() -> argparse.ArgumentParser:
     study.add_argument("--basis-file", type=Path, metavar="FILE",
                        help="read the basis from this HDF5 file, or write it there if it is not there yet")
     study.add_argument("--out", type=Path, metavar="DIR", help="folder of the results (default: results/SCENE/study)")
+    study.add_argument("--overwrite", action="store_true", help="write over the results that the folder holds")
     study.add_argument("--no-plots", action="store_true", help="draw no picture")
     study.add_argument("--quiet", action="store_true", help="print errors only")
     study.set_defaults(command=_vary)
@@ -312,7 +316,7 @@ def _request(options: argparse.Namespace, scene: Scene) -> Request:
 def _run(options: argparse.Namespace, begin: float) -> int:
     from drivers.longrun import Signals, identity, watched
     from drivers.memory import check_memory, memory_facts
-    from drivers.output import writable_folder
+    from drivers.output import claimed_folder
     from drivers.scene import read_scene
     from drivers.scene_warnings import scene_warnings
 
@@ -327,9 +331,8 @@ def _run(options: argparse.Namespace, begin: float) -> int:
         raise ModelError("--solver", f"iterative belongs to the method transient; {request.method} needs a factor")
     runtime.choose_scalars(request.scalars)
     out = options.out or Path("results") / options.scene.stem / request.method
-    if runtime.launch_rank() == 0:
-        writable_folder(out)
-    with Signals() as signals, runtime.parallel() as comm:
+    overwrite = options.overwrite or options.resume
+    with claimed_folder(out, overwrite=overwrite), Signals() as signals, runtime.parallel() as comm:
         from drivers.analysis import prepare
         from drivers.film import Film
         from drivers.methods import analyse
@@ -409,13 +412,14 @@ def _failure(passes: Passes, scene: Path) -> str:
 
 
 def _verify(options: argparse.Namespace, begin: float) -> int:
-    from drivers.output import writable_folder
+    from drivers.output import claimed_folder
 
     runtime.choose_scalars("complex")  # the sweep needs complex numbers, and time stepping does as well in them
-    if runtime.launch_rank() == 0:
-        for method in ("transient", "time-frequency"):
-            writable_folder(options.out / method)
-    with runtime.parallel() as comm:
+    with (
+        claimed_folder(options.out / "transient", overwrite=True),
+        claimed_folder(options.out / "time-frequency", overwrite=True),
+        runtime.parallel() as comm,
+    ):
         from drivers.verify import verify
 
         return 0 if verify(comm, options.out, plots=not options.no_plots) else FAILED
@@ -461,15 +465,13 @@ def _scale(options: argparse.Namespace, begin: float) -> int:
 
 
 def _vary(options: argparse.Namespace, begin: float) -> int:
-    from drivers.output import writable_folder
+    from drivers.output import claimed_folder
     from drivers.scene import read_scene
 
     scene = read_scene(options.scene)
     runtime.choose_scalars("real")
     out = options.out or Path("results") / options.scene.stem / "study"
-    if runtime.launch_rank() == 0:
-        writable_folder(out)
-    with runtime.parallel() as comm:
+    with claimed_folder(out, overwrite=options.overwrite), runtime.parallel() as comm:
         from drivers.study import run_study, table_lines, variation, write_study
 
         variations = [variation(text) for text in options.vary]
@@ -557,15 +559,13 @@ def _truncation(options: argparse.Namespace, begin: float) -> int:
 
 def _study(options: argparse.Namespace, begin: float, name: str, study: Callable[[Plant, Path], list[str]]) -> int:
     """Assemble the scene, let `study` write its files into a folder, and print the lines that it returns."""
-    from drivers.output import writable_folder
+    from drivers.output import claimed_folder
     from drivers.scene import read_scene
 
     scene = read_scene(options.scene)
     runtime.choose_scalars("real")
     out = options.out or Path("results") / options.scene.stem / name
-    if runtime.launch_rank() == 0:
-        writable_folder(out)
-    with runtime.parallel() as comm:
+    with claimed_folder(out, overwrite=options.overwrite), runtime.parallel() as comm:
         from drivers.analysis import prepare
 
         start_up = time.perf_counter() - begin

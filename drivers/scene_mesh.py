@@ -15,7 +15,7 @@ from forms.supports import in_space
 from meshes.checked import ModelError
 from meshes.imported import MeshFile
 from meshes.panels import Panel, Panels
-from meshes.plate import Plate, Point
+from meshes.plate import LARGEST, Plate, Point
 from meshes.sources import MeshSource
 
 
@@ -60,8 +60,8 @@ def point_of(value: Any, key: str) -> Point:
         raise ModelError(key, f"expected a point [x, y] or [x, y, z] in m or the name of one, got {value!r:.60}")
     x, y, *z = (convert(v, float, key) for v in value)
     point = (x, y, z[0] if z else 0.0)
-    if not np.all(np.isfinite(point)):
-        raise ModelError(key, f"expected finite coordinates, got {value!r:.60}")
+    if not np.all(np.abs(point) <= LARGEST):
+        raise ModelError(key, f"expected finite coordinates of at most {LARGEST:g} m, got {value!r:.60}")
     return point
 
 

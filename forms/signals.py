@@ -13,6 +13,9 @@ import numpy as np
 from forms.columns import read_columns
 from meshes.checked import Checked, ModelError, quantity
 
+LARGEST = 1e12
+"""No value of a signal and no frequency is larger, so that no square of one overflows; nor is a time in s, where it counts."""
+
 
 class Signal(Protocol):
     """Anything that gives values (nt,) at times (nt,) s."""
@@ -29,10 +32,10 @@ class Ricker(Checked):
     Its trough at t0 is -A; the two side lobes reach 2 A exp(-3/2). Source: code_aster manual, case SDLS119.
     """
 
-    amplitude: float = quantity("A, the depth of the trough at `center`", "m/s2")
-    frequency: float = quantity("f, the frequency of the largest spectral amplitude", "Hz", above=0.0)
-    center: float = quantity("t0, the time of the trough", "s")
-    start: float = quantity("time before which the signal is zero", "s", default=0.0)
+    amplitude: float = quantity("A, the depth of the trough at `center`", "m/s2", at_least=-LARGEST, at_most=LARGEST)
+    frequency: float = quantity("f, the frequency of the largest spectral amplitude", "Hz", above=0.0, at_most=LARGEST)
+    center: float = quantity("t0, the time of the trough", "s", at_least=-LARGEST, at_most=LARGEST)
+    start: float = quantity("time before which the signal is zero", "s", default=0.0, at_least=-LARGEST, at_most=LARGEST)
 
     def __call__(self, times: np.ndarray) -> np.ndarray:
         """Return the values (nt,) at `times` (nt,)."""
@@ -44,10 +47,10 @@ class Ricker(Checked):
 class Sine(Checked):
     """Sine a(t) = A sin(2 pi f (t - t0) + phase) from `start` = t0 to `end`, zero outside."""
 
-    amplitude: float = quantity("A", "m/s2 or 1", default=1.0)
-    frequency: float = quantity("f", "Hz", above=0.0)
-    phase: float = quantity("phase at the start", "rad", default=0.0)
-    start: float = quantity("t0", "s", default=0.0)
+    amplitude: float = quantity("A", "m/s2 or 1", default=1.0, at_least=-LARGEST, at_most=LARGEST)
+    frequency: float = quantity("f", "Hz", above=0.0, at_most=LARGEST)
+    phase: float = quantity("phase at the start", "rad", default=0.0, at_least=-LARGEST, at_most=LARGEST)
+    start: float = quantity("t0", "s", default=0.0, at_least=-LARGEST, at_most=LARGEST)
     end: float = quantity("time after which the signal is zero", "s", default=1e300)
 
     def __call__(self, times: np.ndarray) -> np.ndarray:
@@ -60,9 +63,9 @@ class Sine(Checked):
 class Step(Checked):
     """A value that is reached from zero at `start`, at once or linearly within `rise`, and kept."""
 
-    amplitude: float = quantity("the value", "m/s2 or 1", default=1.0)
-    start: float = quantity("when it begins", "s", default=0.0)
-    rise: float = quantity("how long it takes", "s", default=0.0, at_least=0.0)
+    amplitude: float = quantity("the value", "m/s2 or 1", default=1.0, at_least=-LARGEST, at_most=LARGEST)
+    start: float = quantity("when it begins", "s", default=0.0, at_least=-LARGEST, at_most=LARGEST)
+    rise: float = quantity("how long it takes", "s", default=0.0, at_least=0.0, at_most=LARGEST)
 
     def __call__(self, times: np.ndarray) -> np.ndarray:
         """Return the values (nt,) at `times` (nt,)."""
@@ -80,13 +83,13 @@ class Sweep(Checked):
     phi = 2 pi f1 T ((f2 / f1)^(s / T) - 1) / ln(f2 / f1) for a logarithmic one; w rises and falls by half a cosine over `taper`.
     """
 
-    amplitude: float = quantity("A", "m/s2 or 1", default=1.0)
-    first: float = quantity("f1, the frequency at the start", "Hz", above=0.0)
-    last: float = quantity("f2, the frequency at the end", "Hz", above=0.0)
-    start: float = quantity("t0", "s", default=0.0)
-    end: float = quantity("time after which the signal is zero", "s")
+    amplitude: float = quantity("A", "m/s2 or 1", default=1.0, at_least=-LARGEST, at_most=LARGEST)
+    first: float = quantity("f1, the frequency at the start", "Hz", above=0.0, at_most=LARGEST)
+    last: float = quantity("f2, the frequency at the end", "Hz", above=0.0, at_most=LARGEST)
+    start: float = quantity("t0", "s", default=0.0, at_least=-LARGEST, at_most=LARGEST)
+    end: float = quantity("time after which the signal is zero", "s", at_least=-LARGEST, at_most=LARGEST)
     spacing: str = quantity("how the frequency goes", default="linear", one_of=("linear", "logarithmic"))
-    taper: float = quantity("how long it takes to rise at the start and to fall at the end", "s", default=0.0, at_least=0.0)
+    taper: float = quantity("how long it rises at the start and falls at the end", "s", default=0.0, at_least=0.0, at_most=LARGEST)
 
     def check(self) -> None:
         """Refuse an end before the start and tapers that do not fit in."""
@@ -116,13 +119,13 @@ class Noise(Checked):
     """
 
     seed: int = quantity("what the phases follow from", at_least=0, at_most=2**63 - 1)
-    rms: float = quantity("root of the mean square, envelope apart", "m/s2 or 1", default=1.0)
-    low: float = quantity("lower end of the band", "Hz", default=0.1, above=0.0)
-    high: float = quantity("upper end of the band", "Hz", above=0.0)
-    start: float = quantity("time before which the signal is zero", "s", default=0.0)
-    end: float = quantity("time after which the signal is zero", "s")
-    rise: float = quantity("how long the envelope rises", "s", default=0.0, at_least=0.0)
-    decay: float = quantity("how long the envelope falls before the end", "s", default=0.0, at_least=0.0)
+    rms: float = quantity("root of the mean square, envelope apart", "m/s2 or 1", default=1.0, at_least=-LARGEST, at_most=LARGEST)
+    low: float = quantity("lower end of the band", "Hz", default=0.1, above=0.0, at_most=LARGEST)
+    high: float = quantity("upper end of the band", "Hz", above=0.0, at_most=LARGEST)
+    start: float = quantity("time before which the signal is zero", "s", default=0.0, at_least=-LARGEST, at_most=LARGEST)
+    end: float = quantity("time after which the signal is zero", "s", at_least=-LARGEST, at_most=LARGEST)
+    rise: float = quantity("how long the envelope rises", "s", default=0.0, at_least=0.0, at_most=LARGEST)
+    decay: float = quantity("how long the envelope falls before the end", "s", default=0.0, at_least=0.0, at_most=LARGEST)
 
     def check(self) -> None:
         """Refuse an envelope that does not fit in and a band without frequencies or with more than can be summed."""
@@ -190,9 +193,9 @@ class Table:
         """Check that the table is one of finite numbers at increasing times."""
         if self.times.ndim != 1 or self.times.shape != self.values.shape or self.times.size < 2:
             raise ModelError("", "expected at least two pairs of time and value")
-        bad = ~(np.isfinite(self.times) & np.isfinite(self.values))
+        bad = ~((np.abs(self.times) <= LARGEST) & (np.abs(self.values) <= LARGEST))
         if bad.any():
-            raise ModelError("", f"expected finite numbers, found none in row {int(np.argmax(bad)) + 1}")
+            raise ModelError("", f"expected finite numbers of at most {LARGEST:g}, found none in row {int(np.argmax(bad)) + 1}")
         late = np.diff(self.times) <= 0
         if late.any():
             raise ModelError("", f"expected increasing times, t does not increase in row {int(np.argmax(late)) + 2}")
