@@ -34,6 +34,8 @@ BENCHMARKS = (
         "NAFEMS, The Standard NAFEMS Benchmarks (1990), test FV12: 10 m x 10 m x 0.05 m. Targets: the series of thin-plate "
         "theory; for the pair 7 and 8, at 4.190 Hz, NAFEMS prints 4.233 Hz.",
         free_plate,
+        "For mode 9 the target is too high: Ritz's method in polynomials of degree 16 for the same plate has 1.620, 2.359, 2.922, "
+        "4.186, 4.186 and 7.354 Hz, an upper bound.",
     ),
     Benchmark(
         "Cantilevered tapered membrane (FV32)",
@@ -155,8 +157,9 @@ def section(benchmark: Benchmark, outcomes: list[Outcome]) -> list[str]:
         for row, check in enumerate(outcome.checks):
             mesh, dofs = (outcome.mesh, f"{outcome.dofs:,}") if row == 0 else ("", "")
             quantity = check.quantity + (f" ({check.note})" if check.note else "")
-            numbers = [_number(check.value, check.unit), _number(check.target, check.unit), _percent(check), f"{100 * check.limit:.2g} %"]
-            lines.append("| " + " | ".join([mesh, dofs, quantity, *numbers]) + " |" + ("" if check.met else " **missed**"))
+            limit = f"{100 * check.limit:.2g} %{'' if check.met else ', **missed**'}"
+            numbers = [_number(check.value, check.unit), _number(check.target, check.unit), _percent(check), limit]
+            lines.append("| " + " | ".join([mesh, dofs, quantity, *numbers]) + " |")
     return [f"## {benchmark.title}", benchmark.source, *([benchmark.remark] if benchmark.remark else []), "\n".join(lines)]
 
 

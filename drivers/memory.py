@@ -45,7 +45,10 @@ def expected_size(scene: Scene, *, is_complex: bool) -> Size:
     kind = choose(scene.kinematics, scene.model, flat)
     degree = degree_of(kind, mesh.degree, cell)
     components = len(AXES_OF[kind])
-    n = components * (squares * degree**2 + 2 * squares**0.5 * degree + 1)
+    nodes = squares * degree**2 + 2 * squares**0.5 * degree + 1
+    if isinstance(mesh, Plate):
+        nodes = (mesh.nx * degree + 1) * (mesh.ny * degree + 1)
+    n = components * nodes
     n += sum(sum(k > 0 for k in support.stiffness) * len(support.points) for support in scene.model.supports)
     return Size(int(n), int(components * NEIGHBOURS[cell, degree] * n), is_complex)
 

@@ -251,7 +251,7 @@ def _fourier(plant: Plant, request: Request, film: Film | None, groups: int | No
         again = fourier.inverse_by_sum(response.probe_spectrum(passes.final.release), window.samples)
         check = float(np.max(np.abs(again - passes.final.probes), initial=0.0))
         acted = passes.final.release
-        film_at(film, window.samples, lambda row: response.field(acted, row))
+        film_at(film, window.samples, response.field(acted))
         if film is not None:
             strongest = 1 + int(np.argmax(np.max(np.abs(response.probe_spectrum(acted)[1:]), axis=1)))
             amplitudes = response.amplitudes(acted, strongest)

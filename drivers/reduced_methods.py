@@ -192,6 +192,6 @@ def _fourier(
         again = fourier.inverse_by_sum(response.probe_spectrum(passes.final.release), window.samples)
         check = float(np.max(np.abs(again - passes.final.probes), initial=0.0))
         acted = passes.final.release
-        film_at(film, window.samples, lambda row: response.field(acted, row))
+        film_at(film, window.samples, response.field(acted))
     notes = notes | {"frequencies": len(window.frequencies)}
     return Analysis("time-frequency", passes, False, transform_check=check, notes=notes)

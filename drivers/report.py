@@ -83,11 +83,12 @@ def tables(plant: Plant, analysis: Analysis) -> dict[str, dict[str, np.ndarray]]
 
 
 def printed_values(plant: Plant, analysis: Analysis) -> list[str]:
-    """Return the lines of the table of probes at the instants that the scene asks for, pass by pass."""
-    output, names, passes = plant.scene.output, plant.operators.probes.names, analysis.passes
-    if not output.instants:
+    """Return the lines of the table of probes at the instants that the scene asks for, pass by pass; of a static run at its only one."""
+    names, passes = plant.operators.probes.names, analysis.passes
+    instants = plant.scene.output.instants if len(analysis.final.times) > 1 else tuple(analysis.final.times)
+    if not instants:
         return []
-    lines = [f"{'pass':>6}{'t [s]':>10}" + "".join(f"{name + ' [m]':>24}" for name in names)]
+    lines = [f"{'pass':>6}{'t [s]':>10}" + "".join(f"{name + (' [rad]' if '.DR' in name else ' [m]'):>24}" for name in names)]
     if analysis.lifted is not None:
         lines[0] += f"{'uplift [%]':>14}"
     for index, history in enumerate(passes.histories):
@@ -95,9 +96,9 @@ def printed_values(plant: Plant, analysis: Analysis) -> list[str]:
         number = passes.number if last else index + 1
         if index > 0 and not last and len(passes.histories) < passes.number:
             number = passes.number - 1
-        for instant in output.instants:
+        for instant in instants:
             row = int(np.argmin(np.abs(history.times - instant)))
-            if abs(history.times[row] - instant) > 1e-6 * max(history.times[1] - history.times[0], 1e-12):
+            if abs(history.times[row] - instant) > 1e-6 * max(float(np.ptp(history.times[:2])), 1e-12):
                 continue
             line = f"{'exact' if analysis.exact else number:>6}{instant:>10.4g}" + "".join(f"{v:>24.15e}" for v in history.probes[row])
             if analysis.lifted is not None and last:

@@ -18,7 +18,6 @@ from drivers.stability_bench import Bench, Finding, condition, contact_forces, r
 from drivers.stability_oracle import EXTENDED, DensePlate
 from drivers.survey_cases import varied
 from forms.operators import Operators
-from solvers.errors import SolverError
 from solvers.linear import DirectSolver
 from solvers.newmark import Newmark, static_state, transient
 
@@ -183,15 +182,6 @@ def mindlin(young: float, poisson: float, density: float, thickness: float) -> f
     a, b, c = inertia * mass, -(mass * (2 * k**2 * stiff + shear) + 2 * k**2 * shear * inertia), 4 * k**4 * stiff * shear
     # The smaller root, in the form that subtracts no equal numbers.
     return math.sqrt(2 * c / (-b + math.sqrt(b * b - 4 * a * c))) / (2 * math.pi)
-
-
-def slender(bench: Bench) -> Finding:
-    """See that a column too slender for double precision is not solved in silence."""
-    try:
-        bench.run({"mesh.width": 4e-3})
-    except SolverError as error:
-        return Finding(0.0, str(error), sound="residual" in str(error))
-    return Finding(1.0, "it ran")
 
 
 def in_units(bench: Bench, length: float, mass: float, second: float) -> Finding:

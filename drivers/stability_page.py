@@ -81,7 +81,7 @@ The figure is the largest difference over all instants, displacements of P3 and 
 displacements of the static state and the motion from it count apart, so that the one cannot hide the other. What is ill-posed has no
 figure: it must be refused, in words of mechanics. The limit of {round_off:g} that many rows share is chosen so that a stiffness which is
 wrong in its seventh digit exceeds it, four orders above what a run without any extreme leaves. Figures below {precise:g} are given as the
-power of ten that they stay below, by a factor of three at least.
+power of ten that they stay below by a factor of three at least, or as their limit.
 
 *Condition* is that of the matrix of a time step, largest over smallest eigenvalue; *scaled*, with its diagonal brought to one. A direct
 solution loses as many digits as the second has, whatever the first: large springs on the diagonal cost nothing, nearly equal large numbers

@@ -65,7 +65,7 @@ def facet_of(mesh: Any) -> Facet:
     domain = mesh.ufl_domain()
     cell = domain.ufl_cell().cellname()
     if geometry_cells(mesh).shape[1] != CORNERS[cell]:
-        raise ModelError("mesh.degree", "a shell needs a mesh of the first order, with nodes at the corners of its cells alone")
+        raise ModelError("mesh.file", "a plate that bends needs a mesh of the first order, with nodes at the corners of its cells alone")
     jacobian, diameter = ufl.Jacobian(domain), ufl.CellDiameter(domain)
     if mesh.geometry.dim == 2:
         axes = ufl.Identity(3)

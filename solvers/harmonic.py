@@ -90,7 +90,7 @@ class FourierResponse:
         peak = int(np.argmax(np.max(np.abs(probes), axis=1))) if probes.size else 0
         omega = 2 * np.pi * self.window.frequencies
         felt = fourier.inverse(-(omega[:, None] ** 2) * np.einsum("fpj,fj->fp", transfer.probes, drive), self.window.samples)
-        return History(self.window.times, probes, elongation, acted, forces, peak, self._field(drive, peak), accelerations=felt)
+        return History(self.window.times, probes, elongation, acted, forces, peak, self.field(release)(peak), accelerations=felt)
 
     def left_over(self, history: History) -> float:
         """Return how far the probes are from rest in the last part of the window, relative to their farthest.
@@ -105,9 +105,15 @@ class FourierResponse:
         moves = farthest > 1e-12 * float(np.max(np.abs(history.probes), initial=0.0))  # less is round-off of a state of rest
         return float(np.max(last, initial=0.0)) / farthest if moves else 0.0
 
-    def field(self, release: np.ndarray | None, sample: int) -> np.ndarray | None:
-        """Return this rank's part (n_local,) m of the displacements at a sample, None where fields were not kept."""
-        return self._field(self.spectrum(release), sample)
+    def field(self, release: np.ndarray | None) -> Callable[[int], np.ndarray | None]:
+        """Return what gives this rank's part (n_local,) m of the displacements at a sample, None where fields were not kept."""
+        response, n, k = self.transfer.response(self.spectrum(release)), self.window.samples, np.arange(len(self._loads))
+        weight = np.where((k == 0) | (2 * k == n), 1.0, 2.0) / n
+
+        def at(sample: int) -> np.ndarray | None:
+            return None if response is None else response.at(weight * np.exp(2j * np.pi * (k * sample % n) / n))
+
+        return at
 
     def amplitudes(self, release: np.ndarray | None, frequency: int) -> np.ndarray | None:
         """Return this rank's part (n_local,) m of the one-sided complex amplitudes at a frequency's index, None where fields were not kept.
@@ -118,8 +124,3 @@ class FourierResponse:
             return None
         n, drive = self.window.samples, self.spectrum(release)[frequency]
         return (1.0 if frequency == 0 or 2 * frequency == n else 2.0) / n * (drive @ self.transfer.fields[frequency])
-
-    def _field(self, drive: np.ndarray, sample: int) -> np.ndarray | None:
-        n, k = self.window.samples, np.arange(len(drive))
-        weight = np.where((k == 0) | (2 * k == n), 1.0, 2.0) / n * np.exp(2j * np.pi * (k * sample % n) / n)
-        return self.transfer.field(weight[:, None] * drive)

@@ -167,10 +167,10 @@ def laplace_run(
     if exact_uplift and n_channels:
         release, motions, tries = _march(operators, circle, transfer, drive, start)
         drive[:, n_loads : n_loads + n_channels] = circle.forward(release - start.release)
-    rest = np.real(start.displacement.array_r).copy()
+    rest, response = np.real(start.displacement.array_r).copy(), transfer.response(drive)
 
     def field(row: int) -> np.ndarray | None:
-        return _field(circle, transfer, drive, rest, row * every)
+        return None if response is None else rest + response.at(_weights(circle, row * every))
 
     history = _history(operators, circle, transfer, drive, start, release, motions, every)
     history = replace(history, peak_field=field(history.peak))
@@ -252,10 +252,9 @@ def _history(
     return History(times, probes, elongation, archived, reactions, peak, accelerations=felt, gap=gap)
 
 
-def _field(circle: Circle, transfer: Transfer, drive: np.ndarray, rest: np.ndarray, n: int) -> np.ndarray | None:
-    """Return this rank's part of the solution at step `n`, by the sum over the points."""
+def _weights(circle: Circle, n: int) -> np.ndarray:
+    """Return the weights (n_points,) of the inverse transform at step `n`."""
     k = np.arange(len(circle.points))
     weight = np.where((k == 0) | (2 * k == circle.length), 1.0, 2.0) / circle.length / circle.radius**n
-    weight = weight * np.exp(2j * np.pi * (k * n % circle.length) / circle.length)
-    moved = transfer.field(weight[:, None] * drive)
-    return None if moved is None else rest + moved
+    weights: np.ndarray = weight * np.exp(2j * np.pi * (k * n % circle.length) / circle.length)
+    return weights

@@ -22,6 +22,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from mpi4py import MPI
 from petsc4py import PETSc
 from scipy import sparse
 
@@ -271,7 +272,7 @@ def balance_acceleration(
 ) -> None:
     """Set the acceleration that the equation of motion asks for: M a = f - C v - K u (collective).
 
-    `values` (n_loads,) are the load histories at this instant. Dofs without mass (massless joints) follow from their own
+    `values` (n_loads,) are the load histories at this instant. Dofs without mass (rotations, massless joints) follow from their own
     equilibrium, differentiated twice; it enters through a stiffness weighed with `time_scale`^2 s2, small enough to leave
     the others alone.
     """
@@ -282,10 +283,13 @@ def balance_acceleration(
         operators.damping.mult(state.velocity, work)
         right.axpy(-1.0, work)
     state.acceleration.zeroEntries()
+    diagonal = operators.mass.getDiagonal()
+    massless = np.abs(diagonal.array_r) == 0
+    diagonal.destroy()
+    right.array[massless] = 0.0  # they are in equilibrium: what is left of their forces is round-off
     if right.norm(PETSc.NormType.NORM_INFINITY) > BALANCED * load_scale(operators, values[None, :]):
-        lightest = float(np.min(np.abs(operators.mass.getDiagonal().array), initial=np.inf))
         matrix = operators.mass.copy()
-        if operators.comm.allreduce(lightest, op=min) == 0:
+        if operators.comm.allreduce(bool(massless.any()), op=MPI.LOR):
             matrix.axpy(1e-13 * time_scale**2, operators.stiffness, structure=SAME)
         with definite_solver(matrix, "initial_", "initial acceleration", motions) as solver:
             solver.solve(right, state.acceleration, check=True)

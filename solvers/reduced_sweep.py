@@ -11,7 +11,7 @@ import numpy as np
 from forms.operators import Operators
 from solvers.errors import SolverError
 from solvers.reduced import Basis, ReducedModel, inner
-from solvers.sweep import Transfer
+from solvers.sweep import FieldResponse, Transfer
 
 BATCH_BYTES = 2**26
 """Points are solved in batches whose matrices take up to this much memory."""
@@ -28,10 +28,10 @@ class ReducedTransfer(Transfer):
 
     basis: Basis
 
-    def field(self, weights: np.ndarray) -> np.ndarray | None:
-        """Return this rank's part (n_local,) of the weighted sum of all solutions, as `Transfer.field`."""
-        coordinates = super().field(weights)
-        return None if coordinates is None else self.basis.vectors @ coordinates
+    def response(self, drive: np.ndarray) -> FieldResponse | None:
+        """Return the fields that answer to amplitudes of the columns, as `Transfer.response`."""
+        found = super().response(drive)
+        return None if found is None else FieldResponse(found.spectrum, self.basis.vectors)
 
 
 class ReducedSweep:

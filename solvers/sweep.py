@@ -30,6 +30,21 @@ SAME = PETSc.Mat.Structure.SAME_NONZERO_PATTERN
 
 
 @dataclass(frozen=True)
+class FieldResponse:
+    """Whole fields at each point, their columns summed once for all instants."""
+
+    spectrum: np.ndarray
+    """(n_points, n_local), or coordinates (n_points, m) of a basis."""
+    basis: np.ndarray | None = None
+    """(n_local, m)."""
+
+    def at(self, weights: np.ndarray) -> np.ndarray:
+        """Return this rank's part (n_local,) of the real part of the sum over all points times `weights` (n_points,)."""
+        values: np.ndarray = np.real(weights @ self.spectrum)
+        return values if self.basis is None else self.basis @ values
+
+
+@dataclass(frozen=True)
 class Transfer:
     """Answers to unit loads and unit release forces at each point; columns: loads, then channels of the contacts."""
 
@@ -44,11 +59,9 @@ class Transfer:
     factor_seconds: float
     solve_seconds: float
 
-    def field(self, weights: np.ndarray) -> np.ndarray | None:
-        """Return this rank's part (n_local,) of the real part of the sum of all solutions times `weights` (n_points, n_columns)."""
-        if self.fields is None:
-            return None
-        return np.real(weights.reshape(-1) @ self.fields.reshape(weights.size, -1))
+    def response(self, drive: np.ndarray) -> FieldResponse | None:
+        """Return the fields that answer to amplitudes (n_points, n_columns) of the columns; None where no fields were kept."""
+        return None if self.fields is None else FieldResponse(np.einsum("fj,fjn->fn", drive, self.fields))
 
 
 def sweep(

@@ -191,3 +191,12 @@ def test_failed_run_leaves_the_older_results_alone(tmp_path):
         raise OSError("disk full")
     assert [p.name for p in tmp_path.iterdir()] == ["history.csv"]
     assert (tmp_path / "history.csv").read_text(encoding="utf-8") == "old"
+
+
+def test_a_static_run_prints_its_only_instant_whatever_instants_the_scene_lists(tmp_path):
+    done = drivers("run", ROOT / "drivers" / "scenes" / "raft.toml", "--method", "static", "--no-plots", "--out", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    heading, values = (next(line.split() for line in done.stdout.splitlines() if line.lstrip().startswith(w)) for w in ("pass", "exact"))
+    assert heading[3:] == ["CORNER.DZ", "[m]", "MIDDLE.DZ", "[m]", "MIDDLE.DRX", "[rad]", "MIDDLE.DRY", "[rad]", "uplift", "[%]"]
+    # A raft that is nearly rigid sinks by its weight over the sum of its springs.
+    assert float(values[1]) == 0 and float(values[2]) == pytest.approx(-9.81 * 2500 * 100 / (121 * 2e7), rel=0.15)

@@ -140,7 +140,9 @@ def test_report_is_made_again_with_other_damping(tmp_path):
     times = np.linspace(0, 5, 501)
     run = made(times, np.sin(times))
     zero = Series(("X", "Y", "Z"), "m/s2", np.zeros((501, 3)), "")
-    moving = {"probes/acceleration": Series(("P.DX",), "m/s2", -np.sin(times)[:, None], ""), "probes/base": zero, "ground/acceleration": zero}
+    felt = Series(("P.DX",), "m/s2", -np.sin(times)[:, None], "")
+    still = Series(("P.DX",), "m/s2", np.zeros((501, 1)), "")
+    moving = {"probes/acceleration": felt, "probes/base": still, "ground/acceleration": zero}
     write_results(tmp_path / "results.h5", Results(run.facts, "", times, run.series | moving, run.points, run.probe_names))
     done = drivers("report", tmp_path, "--damping", "1", "7.5")
     assert (done.returncode, done.stdout) == (0, f"{tmp_path / 'report.html'}\n")

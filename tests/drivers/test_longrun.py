@@ -96,7 +96,7 @@ def test_killed_at_any_moment_it_ends_in_the_same_bits(method, tmp_path):
     if (tmp_path / "broken" / "checkpoint").exists():
         assert finish(start(scene, tmp_path / "broken", "--method", method, "--resume")) == (0, "")
     tables = sorted(p.name for p in (tmp_path / "whole").glob("*.csv"))
-    assert len(tables) == (4 if method == "transient" else 3)
+    assert {"contacts.csv", "history.csv", "reactions.csv"} <= set(tables)
     for name in tables:
         assert (tmp_path / "whole" / name).read_bytes() == (tmp_path / "broken" / name).read_bytes(), name
     assert (tmp_path / "whole" / "deformed.vtu").read_bytes() == (tmp_path / "broken" / "deformed.vtu").read_bytes()

@@ -21,7 +21,7 @@ def test_iterative_march_equals_the_direct_one_joints_of_1e15_included(sdls119a,
             ):
                 histories.append(transient(method, start, 10))
         # Ten steps, the first acceleration and one solve for each contact: a preconditioner that has lost the rigid motions needs hundreds.
-        assert method.solver.iterations < 25 * (10 + len(plant.operators.contacts.names))
+        assert method.solver.iterations < 40 * (10 + len(plant.operators.contacts.names))
     direct, iterative = histories
     assert np.max(np.abs(direct.probes - iterative.probes)) < 1e-9 * np.max(np.abs(direct.probes))
     assert np.max(np.abs(direct.release - iterative.release)) < 1e-9 * np.max(np.abs(direct.elongation)) * 1e15
