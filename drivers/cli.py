@@ -50,6 +50,11 @@ def main(arguments: list[str]) -> int:
     except Stopped as stopped:
         _complain(f"{options.scene}: {stopped}")
         return 128 + stopped.number
+    except ImportError as error:
+        if not error.path or "libffcx" not in error.path:
+            raise
+        _complain(f"the form cache is broken: {error}; remove {Path(error.path).parent}, which is made again")
+        return FAILED
     except KeyboardInterrupt:
         _complain("interrupted; nothing was written")
         return 130
