@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import argparse
+import logging
 import sys
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from drivers import runtime
-from drivers.request import Request
+from drivers.request import IN_A_BASIS, Request
 from drivers.scene import METHODS
+from drivers.scene_commands import add_scene_commands
 from meshes.checked import ModelError
 from solvers.errors import SolverError, Stopped
 
@@ -20,6 +22,8 @@ if TYPE_CHECKING:
     from drivers.analysis import Plant
     from drivers.scene import Scene
     from solvers.passes import Passes
+
+log = logging.getLogger(__name__)
 
 BAD_INPUT, FAILED = 2, 1
 
@@ -46,6 +50,11 @@ def main(arguments: list[str]) -> int:
     except Stopped as stopped:
         _complain(f"{options.scene}: {stopped}")
         return 128 + stopped.number
+    except ImportError as error:
+        if not error.path or "libffcx" not in error.path:
+            raise
+        _complain(f"the form cache is broken: {error}; remove {Path(error.path).parent}, which is made again")
+        return FAILED
     except KeyboardInterrupt:
         _complain("interrupted; nothing was written")
         return 130
@@ -75,8 +84,9 @@ def _parser() -> argparse.ArgumentParser:
                           "bonded; 'exact' overrules the scene. Default: what the scene says, else uplift is solved exactly")
     run.add_argument("--tolerance", type=_positive, metavar="TOL",
                      help=f"end the published passes when change and law are met to TOL; exit code 1 if N (default {MANY}) do not do")
-    run.add_argument("--basis", type=_positive, metavar="TOL",
-                     help="run in a Krylov basis grown to the relative residual TOL instead of in all dofs")
+    run.add_argument("--basis", type=_basis, metavar="TOL",
+                     help="run in a Krylov basis grown to the relative residual TOL instead of in all dofs; 'none' overrules the scene "
+                          "(default: what its section [basis] says, else all dofs)")
     run.add_argument("--basis-file", type=Path, metavar="FILE",
                      help="with --basis: read the basis from this HDF5 file, or write it there if it is not there yet")
     run.add_argument("--out", type=Path, metavar="DIR", help="folder of the results (default: results/SCENE/METHOD)")
@@ -90,9 +100,12 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("--resume", action="store_true", help="go on from the checkpoint in DIR/checkpoint")
     run.add_argument("--memory", type=_gibibytes, metavar="GiB",
                      help="memory that the run may take on each machine (default: what is available); one that will need more is refused")
+    run.add_argument("--overwrite", action="store_true", help="write over the results that the folder holds")
     run.add_argument("--no-plots", action="store_true", help="draw no pictures")
     run.add_argument("--quiet", action="store_true", help="print errors only")
     run.set_defaults(command=_run)
+
+    add_scene_commands(commands)
 
     verify = commands.add_parser(
         "verify", help="rerun SDLS119 and compare the published values",
@@ -116,6 +129,7 @@ def _parser() -> argparse.ArgumentParser:
     which.add_argument("--number", type=int, metavar="N", help="the N lowest modes (default: what the section [modal] says, else 20)")
     which.add_argument("--band", type=float, nargs=2, metavar=("LOW", "HIGH"), help="all modes between two frequencies in Hz")
     modes.add_argument("--out", type=Path, metavar="DIR", help="folder of the results (default: results/SCENE/modes)")
+    modes.add_argument("--overwrite", action="store_true", help="write over the results that the folder holds")
     modes.add_argument("--no-plots", action="store_true", help="draw no pictures")
     modes.add_argument("--quiet", action="store_true", help="print errors only")
     modes.set_defaults(command=_modes)
@@ -126,6 +140,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     truncation.add_argument("scene", type=Path, metavar="SCENE.toml", help="the scene file")
     truncation.add_argument("--out", type=Path, metavar="DIR", help="folder of the results (default: results/SCENE/truncation)")
+    truncation.add_argument("--overwrite", action="store_true", help="write over the results that the folder holds")
     truncation.add_argument("--no-plots", action="store_true", help="draw no pictures")
     truncation.add_argument("--quiet", action="store_true", help="print errors only")
     truncation.set_defaults(command=_truncation)
@@ -162,6 +177,7 @@ def _parser() -> argparse.ArgumentParser:
     study.add_argument("--basis-file", type=Path, metavar="FILE",
                        help="read the basis from this HDF5 file, or write it there if it is not there yet")
     study.add_argument("--out", type=Path, metavar="DIR", help="folder of the results (default: results/SCENE/study)")
+    study.add_argument("--overwrite", action="store_true", help="write over the results that the folder holds")
     study.add_argument("--no-plots", action="store_true", help="draw no picture")
     study.add_argument("--quiet", action="store_true", help="print errors only")
     study.set_defaults(command=_vary)
@@ -260,6 +276,11 @@ def _positive(text: str) -> float:
     return number
 
 
+def _basis(text: str) -> float:
+    """Return the tolerance, 0 for no basis."""
+    return 0.0 if text == "none" else _positive(text)
+
+
 def _seconds(text: str) -> float:
     try:
         number = float(text)
@@ -287,7 +308,12 @@ def _request(options: argparse.Namespace, scene: Scene) -> Request:
         if options.iterations == 0:
             raise ModelError("--tolerance", "ends the published passes; exact uplift needs none")
         passes = MANY
-    request = Request(options.method or scene.run.method, passes or None, options.tolerance, options.basis, options.basis_file)
+    method, basis, file = options.method or scene.run.method, options.basis, options.basis_file
+    if basis is None and scene.basis is not None and method in IN_A_BASIS:
+        basis = scene.basis.tolerance
+    if basis and file is None and scene.basis is not None and scene.basis.file:
+        file = options.scene.parent / scene.basis.file
+    request = Request(method, passes or None, options.tolerance, basis or None, file)
     request.check(scene)
     return request
 
@@ -295,21 +321,23 @@ def _request(options: argparse.Namespace, scene: Scene) -> Request:
 def _run(options: argparse.Namespace, begin: float) -> int:
     from drivers.longrun import Signals, identity, watched
     from drivers.memory import check_memory, memory_facts
-    from drivers.output import writable_folder
+    from drivers.output import claimed_folder
     from drivers.scene import read_scene
+    from drivers.scene_warnings import scene_warnings
 
     scene = read_scene(options.scene)
     text = options.scene.read_text(encoding="utf-8")
     request = _request(options, scene)
+    for words in scene_warnings(scene):
+        log.warning(words)
     if options.groups is not None and request.method != "time-frequency":
         raise ModelError("--groups", f"shares the points of a sweep, and the method {request.method} has none")
     if options.solver == "iterative" and request.method != "transient":
         raise ModelError("--solver", f"iterative belongs to the method transient; {request.method} needs a factor")
     runtime.choose_scalars(request.scalars)
     out = options.out or Path("results") / options.scene.stem / request.method
-    if runtime.launch_rank() == 0:
-        writable_folder(out)
-    with Signals() as signals, runtime.parallel() as comm:
+    overwrite = options.overwrite or options.resume
+    with claimed_folder(out, overwrite=overwrite), Signals() as signals, runtime.parallel() as comm:
         from drivers.analysis import prepare
         from drivers.film import Film
         from drivers.methods import analyse
@@ -389,13 +417,14 @@ def _failure(passes: Passes, scene: Path) -> str:
 
 
 def _verify(options: argparse.Namespace, begin: float) -> int:
-    from drivers.output import writable_folder
+    from drivers.output import claimed_folder
 
     runtime.choose_scalars("complex")  # the sweep needs complex numbers, and time stepping does as well in them
-    if runtime.launch_rank() == 0:
-        for method in ("transient", "time-frequency"):
-            writable_folder(options.out / method)
-    with runtime.parallel() as comm:
+    with (
+        claimed_folder(options.out / "transient", overwrite=True),
+        claimed_folder(options.out / "time-frequency", overwrite=True),
+        runtime.parallel() as comm,
+    ):
         from drivers.verify import verify
 
         return 0 if verify(comm, options.out, plots=not options.no_plots) else FAILED
@@ -441,15 +470,13 @@ def _scale(options: argparse.Namespace, begin: float) -> int:
 
 
 def _vary(options: argparse.Namespace, begin: float) -> int:
-    from drivers.output import writable_folder
+    from drivers.output import claimed_folder
     from drivers.scene import read_scene
 
     scene = read_scene(options.scene)
     runtime.choose_scalars("real")
     out = options.out or Path("results") / options.scene.stem / "study"
-    if runtime.launch_rank() == 0:
-        writable_folder(out)
-    with runtime.parallel() as comm:
+    with claimed_folder(out, overwrite=options.overwrite), runtime.parallel() as comm:
         from drivers.study import run_study, table_lines, variation, write_study
 
         variations = [variation(text) for text in options.vary]
@@ -537,15 +564,13 @@ def _truncation(options: argparse.Namespace, begin: float) -> int:
 
 def _study(options: argparse.Namespace, begin: float, name: str, study: Callable[[Plant, Path], list[str]]) -> int:
     """Assemble the scene, let `study` write its files into a folder, and print the lines that it returns."""
-    from drivers.output import writable_folder
+    from drivers.output import claimed_folder
     from drivers.scene import read_scene
 
     scene = read_scene(options.scene)
     runtime.choose_scalars("real")
     out = options.out or Path("results") / options.scene.stem / name
-    if runtime.launch_rank() == 0:
-        writable_folder(out)
-    with runtime.parallel() as comm:
+    with claimed_folder(out, overwrite=options.overwrite), runtime.parallel() as comm:
         from drivers.analysis import prepare
 
         start_up = time.perf_counter() - begin

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import csv
+import fcntl
 import json
+import os
 import shutil
 import tempfile
 from collections.abc import Iterator, Mapping
@@ -13,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from drivers.runtime import launch_rank
 from meshes.checked import ModelError
 
 
@@ -24,6 +27,36 @@ def writable_folder(path: Path) -> None:
             pass
     except OSError as error:
         raise ModelError("--out", f"cannot write into {path}: {error.strerror}; name another folder or mend its permissions") from None
+
+
+SUMMARY = "summary.json"
+"""What every folder of results holds."""
+
+
+@contextmanager
+def claimed_folder(path: Path, *, overwrite: bool) -> Iterator[None]:
+    """Make the folder and keep other runs out of it until the block ends; on rank 0 alone, the others pass.
+
+    The lock is on the folder itself and leaves nothing behind; a file system that knows no locks goes without. Raises `ModelError` if
+    the folder cannot be written, if a run is writing into it, or if it holds results and they are not to be overwritten.
+    """
+    if launch_rank() != 0:
+        yield
+        return
+    writable_folder(path)
+    handle = os.open(path, os.O_RDONLY)
+    try:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise ModelError("--out", f"another run is writing into {path}; wait for it or name another folder") from None
+        except OSError:
+            pass
+        if (path / SUMMARY).exists() and not overwrite:
+            raise ModelError("--out", f"{path} holds the results of a run; name another folder, or add --overwrite")
+        yield
+    finally:
+        os.close(handle)
 
 
 @contextmanager

@@ -28,7 +28,9 @@ from solvers.reduced_sweep import ReducedSweep
 def krylov_settings(scene: Scene, tolerance: float, *, loose: bool) -> KrylovSettings:
     """Return the settings of a basis for a scene: its band, and a shift where the plate is `loose`, free to move without strain."""
     settings = KrylovSettings(tolerance=tolerance)
-    if scene.fourier is not None:
+    if scene.basis is not None and scene.basis.band is not None:
+        settings = dataclasses.replace(settings, band=scene.basis.band)
+    elif scene.fourier is not None:
         settings = dataclasses.replace(settings, band=scene.fourier.cutoff)
     if loose:
         settings = dataclasses.replace(settings, shift=(0.02 * 2 * np.pi * settings.band) ** 2)

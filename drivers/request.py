@@ -9,6 +9,9 @@ from drivers.runtime import Scalars
 from drivers.scene import Scene
 from meshes.checked import ModelError
 
+IN_A_BASIS = ("transient", "time-frequency")
+"""Methods that can run in a Krylov basis."""
+
 
 @dataclass(frozen=True)
 class Request:
@@ -32,7 +35,7 @@ class Request:
 
     def check(self, scene: Scene) -> None:
         """Raise `ModelError` if the scene does not say what the method needs, or holds what the passes cannot do."""
-        if self.basis is not None and self.method not in ("transient", "time-frequency"):
+        if self.basis is not None and self.method not in IN_A_BASIS:
             raise ModelError("--basis", "expected with the method transient or time-frequency; it takes the place of the modes")
         if self.basis is None and self.basis_file is not None:
             raise ModelError("--basis-file", "expected together with --basis TOL")

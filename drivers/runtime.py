@@ -191,6 +191,10 @@ def form_compiler(comm: Any) -> Callable[[Any], Any]:
 
 
 def say(text: str) -> None:
-    """Print to standard output on rank 0."""
-    if launch_rank() == 0:
+    """Print to standard output on rank 0; where nobody reads it any more, as behind `| head`, go on in silence."""
+    if launch_rank() != 0:
+        return
+    try:
         print(text, flush=True)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -11,7 +11,7 @@ import numpy as np
 
 from drivers.scene_mesh import read_mesh, with_nodes
 from drivers.scene_model import read_model
-from drivers.scene_table import Table, convert
+from drivers.scene_table import Table
 from forms.kinematics import Kinematics
 from forms.parameters import PlateModel
 from meshes.checked import Checked, ModelError, quantity
@@ -137,6 +137,16 @@ class Harmonic(Checked):
 
 
 @dataclass(frozen=True)
+class Basis(Checked):
+    """The Krylov basis in which the methods transient and time-frequency run where a scene has this section."""
+
+    tolerance: float = quantity("relative residual that it is grown to", default=1e-6, above=0.0, below=1.0)
+    band: float | None = quantity("highest frequency that it is tested at; where it is not given, the cutoff of [fourier] or 25 Hz", "Hz",
+                                  default=None, above=0.0)
+    file: str = quantity("HDF5 file beside the scene that it is read from, or written to if it is not there yet", default="")
+
+
+@dataclass(frozen=True)
 class Output(Checked):
     """What is reported beside the histories."""
 
@@ -145,6 +155,12 @@ class Output(Checked):
         "when the lifted share of the plate's area is recorded", default="instants", one_of=("instants", "all", "none")
     )
     uplift_group: str = quantity("group of cells whose lifted share is recorded; empty: all of them", default="")
+
+    def check(self) -> None:
+        """Refuse instants that cannot be."""
+        for instant in self.instants:
+            if not 0 <= instant < float("inf"):
+                raise ModelError("instants", f"expected >= 0 s, got {instant!r}")
 
     def uplift_rows(self, times: np.ndarray) -> np.ndarray:
         """Return which of the archived instants (nt,) the lifted share is recorded at, (nt,) bool."""
@@ -176,6 +192,7 @@ class Scene:
     fourier: Window | None
     modal: Modal | None
     harmonic: Harmonic | None
+    basis: Basis | None
     output: Output
     run: Run
     source: dict[str, Any]
@@ -209,9 +226,10 @@ def build_scene(table: dict[str, Any], folder: Path) -> Scene:
     transient = scene.section("transient", Transient, optional=True)
     fourier = scene.section("fourier", Window, optional=True)
     modal = scene.section("modal", Modal, optional=True)
-    harmonic = _harmonic(scene)
+    harmonic = scene.section("harmonic", Harmonic, optional=True)
+    basis = scene.section("basis", Basis, optional=True)
     run = scene.section("run", Run, optional=True) or Run()
-    output = _output(scene)
+    output = scene.section("output", Output, optional=True) or Output()
     horizon = max(transient.duration if transient else 0.0, fourier.length if fourier else 0.0)
     model = read_model(scene, mesh, horizon, folder, output.uplift_group)
     scene.finish()
@@ -220,32 +238,4 @@ def build_scene(table: dict[str, Any], folder: Path) -> Scene:
         for name in names:
             if names.count(name) > 1:
                 raise ModelError(key, f"expected different names, {name!r} is there twice")
-    return Scene(title, with_nodes(mesh, model), model, kinematics, transient, fourier, modal, harmonic, output, run, table)
-
-
-def _harmonic(scene: Table) -> Harmonic | None:
-    given = scene.take("harmonic", dict, default=None)
-    if given is None:
-        return None
-    table = Table(given, "harmonic")
-    key = table.key("frequencies")
-    listed = tuple(convert(f, float, key) for f in table.take("frequencies", list, default=[]))
-    values = {name: table.take(name, kind, default=None) for name, kind in (("low", float), ("high", float), ("count", int))}
-    made: Harmonic = table.make(Harmonic, frequencies=listed, **{k: v for k, v in values.items() if v is not None})
-    table.finish()
-    return made
-
-
-def _output(scene: Table) -> Output:
-    given = scene.take("output", dict, default=None)
-    if given is None:
-        return Output()
-    table = Table(given, "output")
-    instants = tuple(convert(t, float, table.key("instants")) for t in table.take("instants", list, default=[]))
-    for instant in instants:
-        if not 0 <= instant < float("inf"):
-            raise ModelError(table.key("instants"), f"expected >= 0 s, got {instant!r}")
-    words = {"uplift": table.take("uplift", str, default="instants"), "uplift_group": table.take("uplift_group", str, default="")}
-    output: Output = table.make(Output, instants=instants, **words)
-    table.finish()
-    return output
+    return Scene(title, with_nodes(mesh, model), model, kinematics, transient, fourier, modal, harmonic, basis, output, run, table)

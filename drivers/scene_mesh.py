@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 
 from drivers.scene_table import Table, convert
+from forms.columns import read_columns
 from forms.parameters import PlateModel
 from forms.supports import in_space
 from meshes.checked import ModelError
 from meshes.imported import MeshFile
 from meshes.panels import Panel, Panels
-from meshes.plate import Plate, Point
+from meshes.plate import LARGEST, Plate, Point
 from meshes.sources import MeshSource
 
 
@@ -22,14 +23,14 @@ def read_mesh(scene: Table, folder: Path) -> MeshSource:
     """Read the section [mesh]: with `file` a mesh file, with `plates` joined plates, else a rectangle."""
     given = scene.take("mesh", dict)
     table = Table(given, "mesh")
+    table.note("file", "plates")
     source: MeshSource
     if "file" in given:
-        source = table.make(MeshFile, path=folder / table.take("file", str), degree=table.take("degree", int, default=None))
+        source = table.whole(MeshFile, path=folder / table.take("file", str))
     elif "plates" in given:
         source = _panels(table)
     else:
-        source = table.into(Plate)
-    table.finish()
+        source = table.whole(Plate)
     return source
 
 
@@ -38,16 +39,11 @@ def _panels(table: Table) -> Panels:
     for entry in table.entries("plates"):
         corners = _outline(entry, "corners", entry.take("corners", list))
         holes = [_outline(entry, f"holes[{i}]", hole) for i, hole in enumerate(entry.take("holes", list, default=[]), start=1)]
-        names = tuple(convert(n, str, entry.key("edges")) for n in entry.take("edges", list, default=[]))
-        name = entry.take("name", str)
-        entry.finish()
-        plates.append(entry.make(Panel, name=name, corners=corners, holes=tuple(holes), edge_names=names))
+        names = entry.take("edges", tuple[str, ...], default=())
+        plates.append(entry.whole(Panel, corners=corners, holes=tuple(holes), edge_names=names))
     points = Table(table.take("points", dict, default={}), "mesh.points")
     named = [(name, point_of(points.take(name, list), points.key(name))) for name in list(points.rest)]
-    panels: Panels = table.make(
-        Panels, plates=tuple(plates), size=table.take("size", float), cell=table.take("cell", str, default="quadrilateral"),
-        degree=table.take("degree", int, default=None), named_points=tuple(named),
-    )
+    panels: Panels = table.whole(Panels, plates=tuple(plates), named_points=tuple(named), nodes=())
     return panels
 
 
@@ -64,8 +60,8 @@ def point_of(value: Any, key: str) -> Point:
         raise ModelError(key, f"expected a point [x, y] or [x, y, z] in m or the name of one, got {value!r:.60}")
     x, y, *z = (convert(v, float, key) for v in value)
     point = (x, y, z[0] if z else 0.0)
-    if not np.all(np.isfinite(point)):
-        raise ModelError(key, f"expected finite coordinates, got {value!r:.60}")
+    if not np.all(np.abs(point) <= LARGEST):
+        raise ModelError(key, f"expected finite coordinates of at most {LARGEST:g} m, got {value!r:.60}")
     return point
 
 
@@ -82,22 +78,58 @@ def one_point(value: Any, mesh: MeshSource, key: str) -> Point:
     return point
 
 
-def places(table: Table, mesh: MeshSource) -> dict[str, Any]:
-    """Read where something stands: `points`, `edge` and `count`, `grid`, or `group` with what its numbers are meant `per`."""
-    ways = [name for name in ("edge", "grid", "group") if name in table.rest]
-    table.known += ["edge", "grid", "group"]
-    if len(ways) + ("points" in table.rest) > 1:
-        raise ModelError(table.key(ways[0]), "expected one of points, edge, grid and group, not several")
-    if "group" in table.rest:
-        return {"points": (), "group": table.take("group", str), "per": table.take("per", str, default="node")}
-    if "edge" in table.rest:
-        return {"points": _on_edge(table, mesh)}
-    if "grid" in table.rest:
-        return {"points": _on_grid(table)}
+WAYS = ("points", "edge", "grid", "file", "group")
+"""Keys that say where something stands, of which one is there."""
+
+
+def places(table: Table, mesh: MeshSource, folder: Path) -> dict[str, Any]:
+    """Read where something stands: `points`, `edge` and `count`, `grid`, a CSV `file`, or `group` with what its numbers are `per`."""
+    ways = [name for name in WAYS if name in table.rest]
+    table.note(*WAYS)
+    if len(ways) > 1:
+        raise ModelError(table.key(next(w for w in ways if w != "points")), f"expected one of {', '.join(WAYS)}, not {' and '.join(ways)}")
+    nowhere: dict[str, Any] = {"points": (), "shares": (), "group": "", "per": "points"}
+    if "group" in ways:
+        return nowhere | {"group": table.take("group", str), "per": table.take("per", str, default="node")}
+    if "edge" in ways:
+        return nowhere | {"points": _on_edge(table, mesh)}
+    if "grid" in ways:
+        return nowhere | {"points": _on_grid(table)}
+    if "file" in ways:
+        return nowhere | _in_file(table, mesh, folder)
     given = table.take("points", list)
     if not given:
         raise ModelError(table.key("points"), "expected at least one point")
-    return {"points": tuple(one_point(p, mesh, f"{table.key('points')}[{i}]") for i, p in enumerate(given, start=1))}
+    return nowhere | {"points": tuple(one_point(p, mesh, f"{table.key('points')}[{i}]") for i, p in enumerate(given, start=1))}
+
+
+COLUMNS = ("x", "y", "z", "share")
+"""Of a file of points; z is 0 and the share 1 where there is no such column."""
+
+
+def _in_file(table: Table, mesh: MeshSource, folder: Path) -> dict[str, Any]:
+    """Read points and their shares from a CSV file whose columns are in the order of `COLUMNS`, or as its headings say."""
+    path, key = folder / table.take("file", str), table.key("file")
+    expected = "expected x, y, and perhaps z and a share"
+    try:
+        headings, rows = read_columns(path, expected)
+    except ModelError as error:
+        raise ModelError(key, error.message) from None
+    if not rows or len(rows) > 1_000_000:
+        raise ModelError(key, f"{path}: expected at least one line of x and y, and at most 1e6")
+    names = headings or COLUMNS[: len(rows[0].values)]
+    if len(set(names)) < len(names) or not {"x", "y"} <= set(names) <= set(COLUMNS):
+        raise ModelError(key, f"{path}: {expected}, got the columns {', '.join(names):.60}")
+    points, shares = [], []
+    for row in rows:
+        if len(row.values) != len(names):
+            raise ModelError(key, f"{path}, line {row.number}: expected {len(names)} numbers, got {row.text!r:.60}")
+        at = dict(zip(names, row.values, strict=True))
+        points.append(one_point([at["x"], at["y"], at.get("z", 0.0)], mesh, f"{key}, line {row.number}"))
+        shares.append(at.get("share", 1.0))
+        if not shares[-1] > 0:
+            raise ModelError(key, f"{path}, line {row.number}: expected a share > 0, got {shares[-1]:g}")
+    return {"points": tuple(points), "shares": tuple(shares) if "share" in names else ()}
 
 
 def _on_edge(table: Table, mesh: MeshSource) -> tuple[Point, ...]:

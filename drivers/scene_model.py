@@ -2,19 +2,72 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from drivers.scene_mesh import one_point, places, point_of
-from drivers.scene_table import Table, convert
+from drivers.scene_table import Table
 from forms.material import Material
 from forms.parameters import Condition, Force, GroundMotion, Mass, Part, PlateModel, Pressure, Probe
-from forms.signals import Ricker, Signal, Sine, Step, read_accelerogram, tabulate
+from forms.signals import Noise, Ricker, Signal, Sine, Step, Sweep, read_accelerogram, tabulate
+from forms.signals import Table as TimeTable
 from forms.supports import AXES, TRANSLATIONS, Spring, Support
-from meshes.checked import ModelError
+from meshes.checked import Checked, ModelError, quantity
 from meshes.plate import Point
 from meshes.sources import MeshSource
+
+UNITS = {"m/s2": 1.0, "g": 9.80665, "cm/s2": 0.01}
+"""Units of a record in m/s2; g is the standard acceleration."""
+
+
+@dataclass(frozen=True)
+class Gravity(Checked):
+    """Weight; without this section there is none."""
+
+    acceleration: float = quantity("acceleration of free fall", "m/s2")
+    direction: str = quantity("where things fall; empty: -Y in plane stress, else -Z", default="", one_of=("", "-X", "-Y", "-Z"))
+
+
+@dataclass(frozen=True)
+class Tabulated(Checked):
+    """A signal replaced by a table of its values, linear between them, as published cases have it."""
+
+    table_step: float | None = quantity("step of the table; none: the smooth signal", "s", default=None, above=0.0)
+    table_digits: int = quantity("significant digits of the table, rounded up", default=17, at_least=1, at_most=17)
+
+
+@dataclass(frozen=True)
+class Record(Checked):
+    """A record of times in s and accelerations in a CSV file, linear between its rows and zero outside.
+
+    It is interpolated at the instants of the analysis; a run warns where these pass over rows or fall between them.
+    """
+
+    file: str = quantity("CSV file of two columns beside the scene; comma, semicolon or tab, # begins a remark, one line of headings")
+    scale: float = quantity("factor of the values", default=1.0)
+    unit: str = quantity("unit of the values in the file", default="m/s2", one_of=tuple(UNITS))
+
+
+@dataclass(frozen=True)
+class Inline(Checked):
+    """Values at increasing times, linear between them and zero outside."""
+
+    times: tuple[float, ...] = quantity("times, increasing, at least two", "s")
+    values: tuple[float, ...] = quantity("as many values", "m/s2 or 1")
+
+    def check(self) -> None:
+        """As many times as values, in order."""
+        try:
+            TimeTable(np.array(self.times), np.array(self.values))
+        except ModelError as error:
+            raise ModelError("times", error.message) from None
+
+
+SIGNALS: dict[str, Any] = {"ricker": Ricker, "sine": Sine, "step": Step, "sweep": Sweep, "noise": Noise, "table": Inline, "csv": Record}
+"""What the key `signal` of a load may say."""
 
 
 def read_model(scene: Table, mesh: MeshSource, horizon: float, folder: Path, uplift_group: str) -> PlateModel:
@@ -34,14 +87,14 @@ def read_model(scene: Table, mesh: MeshSource, horizon: float, folder: Path, upl
             raise ModelError(entry.key("kind"), f"expected one of ground, force, pressure, got {kind!r}")
     return PlateModel(
         material,
-        supports=tuple(_support(entry, mesh) for entry in scene.entries("supports")),
-        springs=tuple(_spring(entry, mesh) for entry in scene.entries("springs")),
+        supports=tuple(_support(entry, mesh, folder) for entry in scene.entries("supports")),
+        springs=tuple(_spring(entry, mesh, folder) for entry in scene.entries("springs")),
         probes=tuple(_probe(entry, mesh) for entry in scene.entries("probes")),
         gravity=gravity,
         motions=tuple(motions),
         parts=tuple(_part(entry) for entry in scene.entries("parts")),
         conditions=tuple(_condition(entry) for entry in scene.entries("conditions")),
-        masses=tuple(_mass(entry, mesh) for entry in scene.entries("masses")),
+        masses=tuple(_mass(entry, mesh, folder) for entry in scene.entries("masses")),
         forces=tuple(forces),
         pressures=tuple(pressures),
         up=up,
@@ -51,18 +104,8 @@ def read_model(scene: Table, mesh: MeshSource, horizon: float, folder: Path, upl
 
 def _gravity(scene: Table) -> tuple[float, str]:
     """Return the acceleration in m/s2 and the axis that points up ("" where the file does not say it)."""
-    given = scene.take("gravity", dict, default=None)
-    if given is None:
-        return 0.0, ""
-    table = Table(given, "gravity")
-    value = float(table.take("acceleration", float))
-    if not abs(value) < float("inf"):
-        raise ModelError(table.key("acceleration"), f"expected a finite number, got {value!r}")
-    direction = table.take("direction", str, default="")
-    if direction not in ("", "-X", "-Y", "-Z"):
-        raise ModelError(table.key("direction"), f"expected one of -X, -Y, -Z, got {direction!r}")
-    table.finish()
-    return value, direction[1:]
+    gravity: Gravity | None = scene.section("gravity", Gravity, optional=True)
+    return (gravity.acceleration, gravity.direction[1:]) if gravity else (0.0, "")
 
 
 def _components(table: Table, name: str, axes: tuple[str, ...] = AXES) -> tuple[float, ...]:
@@ -72,81 +115,51 @@ def _components(table: Table, name: str, axes: tuple[str, ...] = AXES) -> tuple[
     return values
 
 
-def _support(table: Table, mesh: MeshSource) -> Support:
-    values = {
-        "name": table.take("name", str),
-        **places(table, mesh),
-        "stiffness": _components(table, "stiffness"),
-        "contact": _components(table, "contact"),
-        "mass": table.take("mass", float, default=0.0),
-        "unilateral": table.take("unilateral", str, default="Y"),
-        "gap": table.take("gap", float, default=0.0),
-        "preload": table.take("preload", float, default=0.0),
-        "sideways": table.take("sideways", str, default="bonded"),
-    }
-    table.finish()
-    made: Support = table.make(Support, **values)
-    return made
+def _support(table: Table, mesh: MeshSource, folder: Path) -> Support:
+    values = {**places(table, mesh, folder), "stiffness": _components(table, "stiffness"), "contact": _components(table, "contact")}
+    support: Support = table.whole(Support, **values)
+    return support
 
 
-def _spring(table: Table, mesh: MeshSource) -> Spring:
-    values = {"name": table.take("name", str), **places(table, mesh), "stiffness": _components(table, "stiffness")}
-    table.finish()
-    made: Spring = table.make(Spring, **values)
-    return made
+def _spring(table: Table, mesh: MeshSource, folder: Path) -> Spring:
+    spring: Spring = table.whole(Spring, **places(table, mesh, folder), stiffness=_components(table, "stiffness"))
+    return spring
 
 
-def _mass(table: Table, mesh: MeshSource) -> Mass:
-    values = {"name": table.take("name", str), **places(table, mesh), "mass": table.take("mass", float)}
-    table.finish()
-    made: Mass = table.make(Mass, **values)
-    return made
+def _mass(table: Table, mesh: MeshSource, folder: Path) -> Mass:
+    mass: Mass = table.whole(Mass, **places(table, mesh, folder))
+    return mass
 
 
 def _probe(table: Table, mesh: MeshSource) -> Probe:
-    name = table.take("name", str)
-    point = one_point(table.take("point", object), mesh, table.key("point"))
-    rotations = table.take("rotations", bool, default=False)
-    table.finish()
-    return Probe(name, point, rotations)
+    probe: Probe = table.whole(Probe, point=one_point(table.take("point", object), mesh, table.key("point")))
+    return probe
 
 
 def _part(table: Table) -> Part:
     group = table.take("group", str)
-    material = table.into(Material)
-    table.finish()
-    return Part(group, material)
+    return Part(group, table.whole(Material))
 
 
 def _condition(table: Table) -> Condition:
-    values = {
-        "group": table.take("group", str),
-        "zero": tuple(convert(n, str, table.key("zero")) for n in table.take("zero", list, default=[])),
-        "edge": table.take("edge", str, default=""),
-    }
-    table.finish()
-    made: Condition = table.make(Condition, **values)
-    return made
+    condition: Condition = table.whole(Condition)
+    return condition
 
 
 def _force(table: Table, mesh: MeshSource, usual: str, horizon: float, folder: Path) -> Force:
-    values = {
-        "name": table.take("name", str, default=usual), **places(table, mesh), "components": _components(table, "force"),
-        "signal": _signal(table, horizon, folder, needed=False),
-    }
-    table.finish()
-    made: Force = table.make(Force, **values)
-    return made
+    force: Force = table.whole(
+        Force, name=table.take("name", str, default=usual), **places(table, mesh, folder), components=_components(table, "force"),
+        signal=_signal(table, horizon, folder, needed=False),
+    )
+    return force
 
 
 def _pressure(table: Table, usual: str, horizon: float, folder: Path) -> Pressure:
-    values = {
-        "name": table.take("name", str, default=usual), "group": table.take("group", str, default=""), "value": table.take("value", float),
-        "signal": _signal(table, horizon, folder, needed=False),
-    }
-    table.finish()
-    made: Pressure = table.make(Pressure, **values)
-    return made
+    pressure: Pressure = table.whole(
+        Pressure, name=table.take("name", str, default=usual), value=table.take("value", float),
+        signal=_signal(table, horizon, folder, needed=False),
+    )
+    return pressure
 
 
 def _motion(table: Table, horizon: float, folder: Path) -> GroundMotion:
@@ -173,35 +186,36 @@ def _signal(table: Table, horizon: float, folder: Path, *, needed: bool = True) 
     kind = table.take("signal", str) if needed else table.take("signal", str, default="")
     if not kind:
         return None
-    readers: dict[str, Callable[[], Any]] = {
-        "ricker": lambda: _ricker(table, horizon),
-        "sine": lambda: table.into(Sine),
-        "step": lambda: table.into(Step),
-        "csv": lambda: _accelerogram(table, folder),
-    }
-    if kind not in readers:
-        raise ModelError(table.key("signal"), f"expected one of {', '.join(readers)}, got {kind!r}")
-    signal: Signal = readers[kind]()
+    if kind not in SIGNALS:
+        raise ModelError(table.key("signal"), f"expected one of {', '.join(SIGNALS)}, got {kind!r}")
+    if kind == "ricker":
+        return _ricker(table, horizon)
+    if kind == "csv":
+        return _accelerogram(table, folder)
+    if kind == "table":
+        return _inline(table)
+    signal: Signal = table.into(SIGNALS[kind])
     return signal
 
 
 def _ricker(table: Table, horizon: float) -> Signal:
-    step = table.take("table_step", float, default=None)
-    digits = table.take("table_digits", int, default=17)
+    tabulated: Tabulated = table.into(Tabulated)
     ricker: Ricker = table.into(Ricker)
-    if step is None:
+    if tabulated.table_step is None:
         return ricker
-    if not (0 < step < float("inf") and horizon / step <= 1e7):
-        raise ModelError(table.key("table_step"), f"expected > 0 s and at most 1e7 steps, got {step!r}")
-    if not 1 <= digits <= 17:
-        raise ModelError(table.key("table_digits"), f"expected >= 1 and <= 17, got {digits}")
-    return tabulate(ricker, step, horizon, digits)
+    if not horizon / tabulated.table_step <= 1e7:
+        raise ModelError(table.key("table_step"), f"expected > 0 s and at most 1e7 steps, got {tabulated.table_step!r}")
+    return tabulate(ricker, tabulated.table_step, horizon, tabulated.table_digits)
 
 
 def _accelerogram(table: Table, folder: Path) -> Signal:
-    name = table.take("file", str)
-    scale = table.take("scale", float, default=1.0)
+    record: Record = table.into(Record)
     try:
-        return read_accelerogram(folder / name, scale)
+        return read_accelerogram(folder / record.file, record.scale * UNITS[record.unit])
     except ModelError as error:
         raise ModelError(table.key("file"), error.message) from None
+
+
+def _inline(table: Table) -> Signal:
+    inline: Inline = table.into(Inline)
+    return TimeTable(np.array(inline.times), np.array(inline.values))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import types
-from typing import Any, get_args, get_type_hints
+from typing import Any, get_args, get_origin, get_type_hints
 
 from meshes.checked import ModelError
 
@@ -23,6 +23,10 @@ class Table:
         """Return the path of an entry, such as plate.young."""
         return f"{self.where}.{name}" if self.where else name
 
+    def note(self, *names: str) -> None:
+        """Know the names of entries that are read only where they are there."""
+        self.known += names
+
     def take(self, name: str, kind: Any, default: Any = dataclasses.MISSING) -> Any:
         """Take out the entry `name` of type `kind`. Raises `ModelError` if it is another type, or missing without a default."""
         self.known.append(name)
@@ -39,17 +43,25 @@ class Table:
         table = self.take(name, dict, default=None if optional else dataclasses.MISSING)
         if table is None:
             return None
-        inner = Table(table, self.key(name))
-        made = inner.into(kind)
-        inner.finish()
-        return made
+        return Table(table, self.key(name)).whole(kind)
 
-    def into(self, kind: Any) -> Any:
-        """Make the dataclass `kind` from the entries that bear the names of its fields."""
+    def whole(self, kind: Any, /, **given: Any) -> Any:
+        """Make the dataclass `kind` of this table and of what is `given`, and refuse any other entry."""
+        values = self._fields(kind, given)
+        self.finish()
+        return self.make(kind, **values)
+
+    def into(self, kind: Any, /, **given: Any) -> Any:
+        """Make the dataclass `kind` of what is `given` and of the entries that bear the names of its other fields."""
+        return self.make(kind, **self._fields(kind, given))
+
+    def _fields(self, kind: Any, given: dict[str, Any]) -> dict[str, Any]:
         hints = get_type_hints(kind)
-        values = {}
+        values = dict(given)
         for field in dataclasses.fields(kind):
             hint = hints[field.name]
+            if field.name in given:
+                continue
             if dataclasses.is_dataclass(hint):
                 made = self.section(field.name, hint, optional=True)
                 if made is not None:
@@ -59,7 +71,7 @@ class Table:
             value = self.take(field.name, hint, default=dataclasses.MISSING if required else None)
             if value is not None:
                 values[field.name] = value
-        return self.make(kind, **values)
+        return values
 
     def make(self, kind: Any, /, **values: Any) -> Any:
         """Make the dataclass `kind` of `values`, its errors named by their place in the file."""
@@ -90,7 +102,16 @@ class Table:
 def in_words(kind: Any) -> str:
     """Return a type as a user of TOML calls it."""
     words = {float: "a number", int: "a whole number", str: "a text in quotes", bool: "true or false", dict: "a table"}
-    return words.get(kind, "an array" if kind is list else str(kind))
+    if isinstance(kind, types.UnionType):
+        return in_words(_present(kind))
+    if get_origin(kind) is tuple:
+        return "an array of " + {float: "numbers", str: "texts", int: "whole numbers"}[get_args(kind)[0]]
+    return words.get(kind, "an array" if kind is list else "a value")
+
+
+def _present(kind: Any) -> Any:
+    """Return what stands in the file of a type that may be nothing."""
+    return next(option for option in get_args(kind) if option is not type(None))
 
 
 def convert(value: Any, kind: Any, key: str) -> Any:
@@ -101,8 +122,11 @@ def convert(value: Any, kind: Any, key: str) -> Any:
         except OverflowError:
             raise ModelError(key, "expected a number that a double can hold") from None
     if isinstance(kind, types.UnionType):  # a number or nothing: what stands in the file is the number
-        kind = next(option for option in get_args(kind) if option is not type(None))
-        return convert(value, kind, key)
+        return convert(value, _present(kind), key)
+    if get_origin(kind) is tuple:
+        if not isinstance(value, list):
+            raise ModelError(key, f"expected an array, got {value!r:.60}")
+        return tuple(convert(item, get_args(kind)[0], key) for item in value)
     if not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool):
         raise ModelError(key, f"expected {in_words(kind)}, got {value!r:.60}")
     return value

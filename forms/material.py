@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from meshes.checked import Checked, quantity
+from meshes.checked import Checked, ModelError, quantity
 
 
 @dataclass(frozen=True)
@@ -17,3 +17,9 @@ class Material(Checked):
     thickness: float = quantity("thickness along Z", "m", above=0.0)
     alpha: float = quantity("stiffness-proportional damping", "s", default=0.0, at_least=0.0)
     beta: float = quantity("mass-proportional damping", "1/s", default=0.0, at_least=0.0)
+
+    def check(self) -> None:
+        """Refuse numbers whose products no double can hold."""
+        for name in ("young", "density", "thickness", "alpha", "beta"):
+            if getattr(self, name) > 1e30:
+                raise ModelError(name, f"expected at most 1e30, got {getattr(self, name):g}")

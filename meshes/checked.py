@@ -49,6 +49,14 @@ def range_in_words(metadata: Any) -> str:
     return " and ".join(f"{sign} {metadata[name]:g}" for name, sign in signs if metadata.get(name) is not None)
 
 
+def _finite(number: float) -> bool:
+    """Tell whether a double can hold the number."""
+    try:
+        return math.isfinite(number)
+    except OverflowError:  # a whole number of hundreds of digits
+        return False
+
+
 def _outside(number: float, metadata: Any) -> bool:
     return (
         (metadata.get("above") is not None and not number > metadata["above"])
@@ -70,10 +78,10 @@ class Checked:
                 raise ModelError(field.name, f"expected one of {', '.join(allowed)}, got {value!r}")
             if isinstance(value, bool) or not isinstance(value, (int, float)):
                 continue
-            if not math.isfinite(value) or _outside(value, field.metadata):
+            if not _finite(value) or _outside(value, field.metadata):
                 expected = range_in_words(field.metadata) or "a finite number"
                 unit = field.metadata.get("unit")
-                raise ModelError(field.name, f"expected {expected}{f' {unit}' if unit else ''}, got {value!r}")
+                raise ModelError(field.name, f"expected {expected}{f' {unit}' if unit else ''}, got {repr(value):.60}")
         self.check()
 
     def check(self) -> None:

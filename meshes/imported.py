@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import io
+import os
+import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -13,12 +16,15 @@ from typing import Any
 import numpy as np
 
 from meshes.checked import Checked, ModelError, quantity
-from meshes.plate import Point, gmsh_session
+from meshes.plate import LARGEST, Point, gmsh_session
 
 SUFFIXES = (".msh", ".med")
 
 ORDERS = {2: 1, 3: 1, 9: 2, 10: 2}
 """Order of triangles and quadrilaterals by gmsh's number of an element type."""
+
+TRIANGLES = (2, 9)
+"""Of these the triangles."""
 
 
 @dataclass(frozen=True)
@@ -32,8 +38,12 @@ class MeshFile(Checked):
         """Refuse what is not there or is no format with named groups."""
         if self.path.suffix.lower() not in SUFFIXES:
             raise ModelError("file", f"expected a file name ending in {' or '.join(SUFFIXES)}, got {self.path.name!r}")
-        if not self.path.is_file():
-            raise ModelError("file", f"there is no file {self.path}")
+        try:
+            there = self.path.is_file()
+        except OSError:  # such as a name that is too long
+            there = False
+        if not there:
+            raise ModelError("file", f"there is no file {self.path!s:.200}")
 
     @property
     def corners(self) -> dict[str, Point]:
@@ -45,6 +55,9 @@ class MeshFile(Checked):
         """No edges are known before the file is read."""
         return {}
 
+
+LINES = {1: 1, 2: 8}
+"""gmsh's number of a line by its order."""
 
 MESHIO = {"vertex": (0, 15), "line": (1, 1), "line3": (1, 8), "triangle": (2, 2), "triangle6": (2, 9), "quad": (2, 3), "quad9": (2, 10)}
 """Dimension and gmsh's number of the element types that meshio names so."""
@@ -68,7 +81,73 @@ def imported_model(source: MeshFile) -> Iterator[tuple[Any, Entities, int]]:
         if len(kinds) > 1 or not kinds <= set(ORDERS):
             names = " and ".join(str(model.mesh.getElementProperties(kind)[0]) for kind in sorted(kinds))
             raise ModelError("mesh.file", f"{source.path} holds {names} cells; expected triangles alone or quadrilaterals alone")
+        _check_cells(model, source.path, kinds)
+        _check_nodes(model, source.path, kinds)
+        _check_edges(model, source.path, groups, kinds)
         yield model, groups, ORDERS[kinds.pop()]
+
+
+READER = """
+import sys, gmsh
+gmsh.initialize([], False)
+gmsh.option.setNumber("General.Terminal", 0)
+gmsh.open(sys.argv[1])
+gmsh.model.mesh.getNodes()
+gmsh.model.mesh.getElements()
+"""
+
+
+def _try_in_child(path: Path) -> None:
+    """Raise `ModelError` where gmsh does not survive the file, which it reads without looking: found out by another process."""
+    launcher = ("OMPI_", "PMIX", "PMI_", "PRTE")
+    environment = {name: value for name, value in os.environ.items() if not name.startswith(launcher)}
+    patience = 60.0 + path.stat().st_size / 1e6
+    try:
+        done = subprocess.run([sys.executable, "-c", READER, str(path)], env=environment, capture_output=True, timeout=patience)
+    except subprocess.TimeoutExpired:
+        raise ModelError("mesh.file", f"{path} cannot be read as a mesh: gmsh does not come to an end") from None
+    if done.returncode < 0:
+        raise ModelError("mesh.file", f"{path} cannot be read as a mesh: gmsh breaks down on it")
+
+
+def _check_cells(model: Any, path: Path, kinds: set[int]) -> None:
+    """Refuse cells on nodes that are not there, on one node twice, and one cell twice, with which no mesh can be distributed."""
+    known, coordinates = model.mesh.getNodes()[:2]
+    if not np.all(np.abs(coordinates) <= LARGEST):
+        raise ModelError("mesh.file", f"{path} holds a node farther than {LARGEST:g} m from the origin, or nowhere")
+    for kind in kinds:
+        corners = 3 if kind in TRIANGLES else 4
+        tags, nodes = model.mesh.getElementsByType(kind)
+        cells = np.sort(np.reshape(nodes, (len(tags), -1)), axis=1)
+        if not np.all(np.isin(cells, known)):
+            raise ModelError("mesh.file", f"{path} holds a cell on a node that is not there")
+        if cells.shape[1] < corners or np.any(cells[:, 1:] == cells[:, :-1]):
+            raise ModelError("mesh.file", f"{path} holds a cell with one node twice")
+        if len(np.unique(cells, axis=0)) < len(cells):
+            raise ModelError("mesh.file", f"{path} holds one cell twice")
+
+
+def _check_nodes(model: Any, path: Path, kinds: set[int]) -> None:
+    """Refuse nodes of no cell: the distribution of a mesh writes past its memory where there are some."""
+    used = np.unique(np.concatenate([model.mesh.getElementsByType(kind)[1] for kind in kinds]))
+    lonely = np.setdiff1d(model.mesh.getNodes()[0], used)
+    if len(lonely):
+        raise ModelError("mesh.file", f"{path} holds {len(lonely)} nodes that belong to no cell, the first is {lonely[0]}; remove them")
+
+
+def _check_edges(model: Any, path: Path, groups: Entities, kinds: set[int]) -> None:
+    """Refuse lines of a named group that are not of the order of the cells or do not lie on nodes of cells."""
+    used = np.unique(np.concatenate([model.mesh.getElementsByType(kind)[1] for kind in kinds]))
+    line = LINES[max(ORDERS[kind] for kind in kinds)]
+    for name, entities in groups.items():
+        for dimension, tag in entities:
+            if dimension != 1:
+                continue
+            found, _, nodes = model.mesh.getElements(dimension, tag)
+            if any(int(kind) != line for kind in found):
+                raise ModelError("mesh.file", f"{path} holds lines in the group {name!r} that are not of the order of the cells")
+            if not all(np.all(np.isin(part, used)) for part in nodes):
+                raise ModelError("mesh.file", f"{path} holds a line in the group {name!r} that lies on no cell")
 
 
 def _unreadable(path: Path, error: Exception) -> ModelError:
@@ -76,6 +155,7 @@ def _unreadable(path: Path, error: Exception) -> ModelError:
 
 
 def _read_msh(gmsh: Any, path: Path) -> Entities:
+    _try_in_child(path)
     try:
         gmsh.open(str(path))
     except Exception as error:  # gmsh raises plain exceptions, of a class that differs between releases

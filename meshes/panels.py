@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from meshes.checked import Checked, ModelError, quantity
-from meshes.plate import Point, gmsh_session
+from meshes.plate import MOST_CELLS, Point, gmsh_session
 
 TOUCHING = 1e-7
 """Points closer than this part of the extent are one."""
@@ -78,8 +78,9 @@ class Panels(Checked):
         for name in names:
             if names.count(name) > 1:
                 raise ModelError("plates", f"expected different names, {name!r} is there twice")
-        if self.area / self.size**2 > 1e8:
-            raise ModelError("size", f"expected at most 1e8 cells, {self.size:g} m makes {self.area / self.size**2:.1e}")
+        sides = self.area**0.5 / self.size
+        if sides > MOST_CELLS**0.5:
+            raise ModelError("size", f"expected at most {MOST_CELLS:.0e} cells, {self.size:g} m makes more")
 
     @property
     def area(self) -> float:

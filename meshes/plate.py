@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
-from meshes.checked import Checked, quantity
+from meshes.checked import Checked, ModelError, quantity
 
 Point = tuple[float, float, float]
 """Coordinates in m."""
@@ -15,13 +15,19 @@ Point = tuple[float, float, float]
 EDGES = ("DBAS", "DDRO", "DHAU", "DGAU")
 """Bottom, right, top and left edge, in the order of the boundary."""
 
+LARGEST = 1e9
+"""m: no coordinate is farther from the origin."""
+
+MOST_CELLS = 1e8
+"""No mesh has more."""
+
 
 @dataclass(frozen=True)
 class Plate(Checked):
     """A plate of width x height in the plane XY, its corner P1 at the origin, Y upwards."""
 
-    width: float = quantity("extent along X", "m", above=0.0)
-    height: float = quantity("extent along Y", "m", above=0.0)
+    width: float = quantity("extent along X", "m", above=0.0, at_most=LARGEST)
+    height: float = quantity("extent along Y", "m", above=0.0, at_most=LARGEST)
     nx: int = quantity("cells along X", at_least=1)
     ny: int = quantity("cells along Y", at_least=1)
     cell: str = quantity("shape of the cells", default="quadrilateral", one_of=("quadrilateral", "triangle"))
@@ -29,6 +35,11 @@ class Plate(Checked):
         "polynomial degree of the displacement; where it is not given, 1 for plane stress and what bending needs for plates and shells",
         default=None, at_least=1, at_most=3,
     )
+
+    def check(self) -> None:
+        """Refuse a mesh beyond any machine."""
+        if self.nx * self.ny > MOST_CELLS:
+            raise ModelError("nx", f"expected at most {MOST_CELLS:.0e} cells, got {self.nx} x {self.ny}")
 
     @property
     def corners(self) -> dict[str, Point]:

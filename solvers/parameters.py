@@ -51,8 +51,8 @@ def generalised_alpha(rho_infinity: float) -> Scheme:
 class Window(Checked):
     """The window of the discrete Fourier transform and the band that is solved."""
 
-    length: float = quantity("length of the window", "s", above=0.0)
-    samples: int = quantity("samples in the window, even", at_least=2)
+    length: float = quantity("length of the window", "s", above=0.0, at_most=1e9)
+    samples: int = quantity("samples in the window, even", at_least=2, at_most=100_000_000)
     cutoff: float = quantity("highest frequency solved", "Hz", above=0.0)
 
     def check(self) -> None:

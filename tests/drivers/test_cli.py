@@ -107,7 +107,7 @@ def test_iteration_that_does_not_end_says_so_and_keeps_what_it_has(tmp_path):
     summary = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))
     assert summary["iteration_ended"] == "diverged"
     assert np.all(np.isfinite(read_history(tmp_path / "out" / "contacts.csv")[1]))
-    done = drivers("run", SCENE, "--tolerance", "1e-9", "--iterations", "3", "--no-plots", "--out", tmp_path / "out")
+    done = drivers("run", SCENE, "--tolerance", "1e-9", "--iterations", "3", "--no-plots", "--overwrite", "--out", tmp_path / "out")
     assert done.returncode == 1 and "have not converged in 3 passes" in done.stderr
 
 

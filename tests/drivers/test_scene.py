@@ -58,7 +58,7 @@ def test_reference_scene_is_read():
         ("nx = 4", "nx = true", "mesh.nx", "a whole number"),
         ("nx = 4", "nx = 0", "mesh.nx", "expected >= 1"),
         ("amplitude = 2.24", 'sound = 1\namplitude = 2.24', "load.sound", "unknown key"),
-        ('signal = "ricker"', 'signal = "rikcer"', "load.signal", "ricker, sine, step, csv"),
+        ('signal = "ricker"', 'signal = "rikcer"', "load.signal", "ricker, sine, step, sweep, noise, table, csv"),
         ("samples = 2048", "samples = 2047", "fourier.samples", "even"),
         ("cutoff = 25.0", "cutoff = 60.0", "fourier.cutoff", "expected <= 50 Hz"),
         ("[gravity]", "[gravitation]", "gravitation", "did you mean 'gravity'"),

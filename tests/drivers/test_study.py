@@ -42,11 +42,11 @@ def test_what_a_basis_is_not_for_is_refused(tmp_path):
     assert (done.returncode, done.stderr.count("\n")) == (2, 1) and "--basis TOL" in done.stderr
     file = tmp_path / "basis.h5"
     run(tmp_path, "out", "--basis", "1e-3", "--basis-file", file)
-    done = drivers("run", SCENE, "--basis", "1e-6", "--basis-file", file, "--quiet", "--out", tmp_path / "out")
+    done = drivers("run", SCENE, "--basis", "1e-6", "--basis-file", file, "--quiet", "--overwrite", "--out", tmp_path / "out")
     assert (done.returncode, done.stderr.count("\n")) == (2, 1) and "made for a tolerance of 0.001" in done.stderr
     with h5py.File(file, "a") as changed_file:
         changed_file.attrs["fingerprint"] = "0" * 32
-    done = drivers("run", SCENE, "--basis", "1e-3", "--basis-file", file, "--quiet", "--out", tmp_path / "out")
+    done = drivers("run", SCENE, "--basis", "1e-3", "--basis-file", file, "--quiet", "--overwrite", "--out", tmp_path / "out")
     assert (done.returncode, done.stderr.count("\n")) == (2, 1) and "another model" in done.stderr
 
 
@@ -84,7 +84,7 @@ def test_a_stiffness_gets_a_basis_of_its_own_and_no_foreign_file(tmp_path):
     vary = ["--vary", "plate.young=1e8,1.4e8", "--no-plots"]
     done = drivers("study", SCENE, *vary, "--out", tmp_path / "study")
     assert done.returncode == 0 and "2 cases on 2 bases" in done.stdout
-    done = drivers("study", SCENE, *vary, "--out", tmp_path / "study", "--basis-file", tmp_path / "b.h5")
+    done = drivers("study", SCENE, *vary, "--overwrite", "--out", tmp_path / "study", "--basis-file", tmp_path / "b.h5")
     assert (done.returncode, done.stderr.strip().splitlines()[-1].count("serves one model")) == (2, 1)
 
 

@@ -1,0 +1,207 @@
+"""Scene, CSV and mesh files with mistakes made at random: each ends in a result or in one line, soon and in little memory.
+
+The environment variable UPLIFT_MUTATIONS sets how many files there are, 300 where it is not set; a sixth of them are meshes.
+"""
+
+import os
+import resource
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import gmsh
+import pytest
+
+from drivers.memory import expected_bytes
+from drivers.new import shipped
+from drivers.request import Request
+from drivers.scene import METHODS, read_scene
+from drivers.scene_warnings import scene_warnings
+from meshes.checked import ModelError
+from tests.drivers.test_schema import RECTANGLE
+from tests.mutations import generator, mutated
+
+pytestmark = pytest.mark.serial
+
+ROOT = Path(__file__).parents[2]
+MANY = int(os.environ.get("UPLIFT_MUTATIONS", "300"))
+SECONDS = 10
+
+INPUTS = """
+[[springs]]
+name = "S"
+file = "points.csv"
+stiffness = { Z = 1.0 }
+[[load]]
+direction = "Z"
+signal = "csv"
+file = "record.csv"
+[[load]]
+direction = { RX = 1.0, RY = 2.0 }
+signal = "noise"
+seed = 3
+high = 10.0
+end = 3.0
+[[load]]
+direction = "Z"
+signal = "sweep"
+first = 1.0
+last = 3.0
+end = 3.0
+[[probes]]
+name = "P"
+point = "P1"
+[transient]
+step = 0.01
+duration = 3.0
+"""
+CSV = {"points.csv": b"x,y,z,share\n0,0,0,1\n4,4,0,2\n", "record.csv": b"t,a\n0,0\n0.01,1\n0.02,0.5\n3,0\n"}
+
+CHILD = """
+import signal, sys
+from pathlib import Path
+from mpi4py import MPI
+from meshes.checked import ModelError
+from meshes.imported import MeshFile
+from meshes.tagged import build_mesh
+for name in sys.argv[1:]:
+    signal.alarm(60)
+    try:
+        cells = build_mesh(MPI.COMM_SELF, MeshFile(Path(name)), lambda flat, order: (2 if flat else 3, order)).mesh.topology.index_map(2)
+        print("result", cells.size_global, flush=True)
+    except ModelError as error:
+        print("error", str(error), flush=True)
+"""
+
+
+def slow(number, frame):
+    raise AssertionError(f"not done in {SECONDS} s")
+
+
+def read_all(path):
+    """All that is done with a scene before it is meshed."""
+    scene = read_scene(path)
+    scene_warnings(scene)
+    for method in METHODS:
+        request = Request(method)
+        try:
+            request.check(scene)
+        except ModelError:
+            continue
+        assert expected_bytes(scene, request, 1, None) > 0
+
+
+def test_scenes_and_tables(tmp_path):
+    texts = [path.read_bytes() for path in shipped().values()] + [(RECTANGLE + INPUTS).encode()]
+    before = signal.signal(signal.SIGALRM, slow)
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    ended = {"result": 0, "error": 0}
+    try:
+        for number in range(MANY - MANY // 6):
+            rng = generator("scene", number)
+            files = CSV | {"scene.toml": rng.choice(texts)}
+            if rng.random() < 0.25:
+                files["scene.toml"] = texts[-1]
+                name = rng.choice(list(CSV))
+            else:
+                name = "scene.toml"
+            files[name] = mutated(files[name], rng)
+            for file, data in files.items():
+                (tmp_path / file).write_bytes(data)
+            signal.alarm(SECONDS)
+            try:
+                read_all(tmp_path / "scene.toml")
+                ended["result"] += 1
+            except ModelError as error:
+                assert str(error) and len(str(error).splitlines()) == 1, number
+                ended["error"] += 1
+            except Exception as error:
+                raise AssertionError(f"mutation {number}") from error
+            finally:
+                signal.alarm(0)
+    finally:
+        signal.signal(signal.SIGALRM, before)
+    assert min(ended.values()) > 0.1 * MANY, ended
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - peak < 500_000  # kB
+
+
+def meshes(folder):
+    """The mesh of the reference case in the formats that are read: .msh 2 and 4, in text and binary, and .med."""
+    from meshes.export import write_mesh
+
+    plate = read_scene(shipped()["sdls119a"]).plate
+    for name in ("four.msh", "five.med"):
+        write_mesh(plate, folder / name)
+    gmsh.initialize([], False)
+    gmsh.option.setNumber("General.Terminal", 0)
+    for name, version, binary in (("two.msh", 2.2, 0), ("binary.msh", 4.1, 1)):
+        gmsh.open(str(folder / "four.msh"))
+        gmsh.option.setNumber("Mesh.MshFileVersion", version)
+        gmsh.option.setNumber("Mesh.Binary", binary)
+        gmsh.write(str(folder / name))
+    gmsh.finalize()
+    return [folder / name for name in ("two.msh", "four.msh", "binary.msh", "five.med")]
+
+
+def test_meshes(tmp_path):
+    (tmp_path / "whole").mkdir()
+    whole = meshes(tmp_path / "whole")
+    files = list(whole)
+    for number in range(MANY // 6):
+        rng = generator("mesh", number)
+        source = rng.choice(whole)
+        files.append(tmp_path / f"{number} é{source.suffix}")
+        files[-1].write_bytes(mutated(source.read_bytes(), rng))
+    environment = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_COMM", "PMIX", "PRTE"))} | {"PYTHONPATH": str(ROOT)}
+    done = subprocess.run([sys.executable, "-c", CHILD, *map(str, files)], env=environment, capture_output=True, text=True, timeout=600)
+    lines = done.stdout.splitlines()
+    assert done.returncode == 0 and len(lines) == len(files), (files[len(lines)], done.stderr[-500:])
+    assert lines[:4] == ["result 32"] * 4
+    assert {line.split()[0] for line in lines[4:]} == {"result", "error"}
+
+
+def test_folder_is_kept_from_a_second_run(tmp_path):
+    from drivers.output import claimed_folder
+
+    with claimed_folder(tmp_path / "a b é", overwrite=False):
+        with pytest.raises(ModelError, match="another run is writing"), claimed_folder(tmp_path / "a b é", overwrite=True):
+            pass
+        (tmp_path / "a b é" / "summary.json").write_text("{}", encoding="utf-8")
+    with pytest.raises(ModelError, match="holds the results of a run"), claimed_folder(tmp_path / "a b é", overwrite=False):
+        pass
+    with claimed_folder(tmp_path / "a b é", overwrite=True):
+        pass
+    assert [p.name for p in (tmp_path / "a b é").iterdir()] == ["summary.json"]
+
+
+def test_second_run_is_refused_unless_it_may_overwrite(tmp_path):
+    environment = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_COMM", "PMIX", "PRTE"))}
+    codes, errors = [], []
+    for more in ([], [], ["--overwrite"]):
+        command = [sys.executable, "-m", "drivers", "run", str(shipped()["sdls119a"]), "--method", "static", "--no-plots", "--quiet"]
+        done = subprocess.run([*command, "--out", str(tmp_path / "out"), *more], cwd=ROOT, env=environment, capture_output=True, text=True)
+        codes.append(done.returncode)
+        errors.append(done.stderr)
+    assert codes == [0, 2, 0], errors
+    assert errors[1].count("\n") == 1 and "--overwrite" in errors[1]
+
+
+def test_a_reader_that_leaves_ends_quietly(tmp_path):
+    command = f"{sys.executable} -m drivers schema | head -n 1; echo ${{PIPESTATUS[0]}}"
+    done = subprocess.run(["bash", "-c", command], cwd=ROOT, capture_output=True, text=True, timeout=60)
+    assert (done.stdout, done.stderr) == ("# Scene files\n0\n", "")
+
+
+def test_a_broken_form_cache_is_named(tmp_path):
+    environment = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_COMM", "PMIX", "PRTE"))}
+    environment["XDG_CACHE_HOME"] = str(tmp_path)
+    command = [sys.executable, "-m", "drivers", "check", str(shipped()["sdls119a"])]
+    assert subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, timeout=120).returncode == 0
+    libraries = list(tmp_path.glob("fenics/*.so"))
+    assert libraries
+    for library in libraries:
+        library.write_bytes(b"junk")
+    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 1 and len(done.stderr.splitlines()) == 1, done.stderr
+    assert f"remove {tmp_path / 'fenics'}" in done.stderr

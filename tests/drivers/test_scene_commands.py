@@ -1,0 +1,128 @@
+"""The commands check and new."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from drivers.check import check_scene
+from drivers.memory import GIB, expected_bytes
+from drivers.new import new_scene, shipped
+from drivers.request import Request
+from drivers.scene import read_scene
+from drivers.scene_warnings import scene_warnings
+from meshes.checked import ModelError
+
+ROOT = Path(__file__).parents[2]
+SCENE = ROOT / "drivers" / "scenes" / "sdls119a.toml"
+
+
+def drivers(*arguments):
+    clean = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_COMM", "PMIX", "PRTE"))}
+    command = [sys.executable, "-m", "drivers", *map(str, arguments)]
+    return subprocess.run(command, cwd=ROOT, env=clean, capture_output=True, text=True, timeout=120)
+
+
+def scene_of(tmp_path, text):
+    path = tmp_path / "scene.toml"
+    path.write_text(text, encoding="utf-8")
+    return read_scene(path)
+
+
+def test_check_says_what_the_scene_is(comm, sdls119a):
+    text = "\n".join(check_scene(sdls119a, comm, mesh=True))
+    assert "rectangle of 4 m x 8 m, 4 x 8 quadrilaterals" in text
+    assert "dofs        100 (meshed and assembled)" in text  # 45 nodes of 2, and 2 of each of 5 joints
+    assert "plane stress, moves along DX, DY; 80,000.5 kg" in text  # 32 m2 of 2500 kg/m3, and 5 of 0.1 kg
+    assert "RESS: 5 at points, push along Y and cannot pull" in text
+    assert re.search(r"harmonic: +no; harmonic: missing", text)
+    need = expected_bytes(sdls119a, Request("transient"), comm.size, None) / GIB
+    assert f"transient:      yes, real PETSc, some {need:.2g} GiB; the scene's own" in text
+    assert "warning" not in text
+
+
+def test_check_without_a_mesh_estimates(comm):
+    for path in shipped().values():
+        scene = read_scene(path)
+        quick = "\n".join(check_scene(scene, comm, mesh=False))
+        assert "dofs        some" in quick
+        assert scene.title in quick
+
+
+def test_check_finds_what_only_the_mesh_knows(comm, tmp_path):
+    scene = scene_of(tmp_path, SCENE.read_text(encoding="utf-8").replace("count = 5", "count = 4"))
+    check_scene(scene, comm, mesh=False)
+    with pytest.raises(ModelError, match="stands on no node"):
+        check_scene(scene, comm, mesh=True)
+
+
+@pytest.mark.serial
+def test_check_on_the_command_line(tmp_path):
+    done = drivers("check", SCENE)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.splitlines()[0].startswith("title ")
+    bad = tmp_path / "bad scène.toml"
+    bad.write_text(SCENE.read_text(encoding="utf-8").replace("thickness = 1.0", "thicknes = 1.0"), encoding="utf-8")
+    done = drivers("check", bad)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == f"uplift: {bad}: plate.thickness: missing; expected a number (found 'thicknes': did you mean 'thickness'?)\n"
+
+
+@pytest.mark.serial
+def test_new_copies_a_shipped_scene_once(tmp_path):
+    done = drivers("new", tmp_path / "mon essai é", "--from", "raft")
+    assert done.returncode == 0, done.stderr
+    made = tmp_path / "mon essai é.toml"
+    assert made.read_bytes() == shipped()["raft"].read_bytes()
+    made.write_text("mine", encoding="utf-8")
+    done = drivers("new", made)
+    assert done.returncode == 2 and "is there already" in done.stderr and len(done.stderr.splitlines()) == 1
+    assert made.read_text(encoding="utf-8") == "mine"
+    assert drivers("new").returncode == 2
+    listed = drivers("new", "--list").stdout
+    assert all(name in listed for name in shipped())
+
+
+def test_new_names_what_it_cannot_do(tmp_path):
+    with pytest.raises(ModelError, match="expected one of box, raft, sdls119-shell, sdls119a, sdls119b, got 'sdls'"):
+        new_scene(tmp_path / "x", "sdls")
+    with pytest.raises(ModelError, match="No such file or directory"):
+        new_scene(tmp_path / "none" / "x", "raft")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("acceleration = 9.81", "acceleration = 0.0", "carry no force at rest"),
+        ("frequency = 1.0 ", "frequency = 20.0 ", "of its energy lies above 20 Hz"),
+        ("table_step = 0.01 ", "table_step = 0.004 ", "pass over some"),
+        ("table_step = 0.01 ", "table_step = 0.007 ", "no multiple of the step"),
+        ("center = 1.92 ", "center = 5.0 ", "misses 48% of the record's energy"),
+        ("duration = 5.0 ", "duration = 1.5 ", "misses"),
+    ],
+)
+def test_doubtful_scenes_are_warned_of(tmp_path, old, new, words):
+    text = SCENE.read_text(encoding="utf-8")
+    assert old in text
+    found = scene_warnings(scene_of(tmp_path, text.replace(old, new)))
+    assert any(words in warning for warning in found), found
+
+
+def test_shipped_scenes_are_not_doubtful():
+    assert {name: scene_warnings(read_scene(path)) for name, path in shipped().items()} == {name: [] for name in shipped()}
+
+
+def test_share_of_energy_above_the_limit_is_that_of_the_wavelet(tmp_path):
+    """The spectrum of a Ricker wavelet is proportional to f^2 exp(-(f / fp)^2)."""
+    text = SCENE.read_text(encoding="utf-8").replace("frequency = 1.0 ", "frequency = 20.0 ").replace("start = 0.9 ", "start = 0.0 ")
+    text = text.replace("table_step = 0.01 ", "# ").replace("table_digits = 7", "")
+    f = np.linspace(0, 400, 400_001)
+    energy = f**4 * np.exp(-2 * (f / 20.0) ** 2)
+    share = energy[f > 20.0].sum() / energy.sum()
+    (warning,) = scene_warnings(scene_of(tmp_path, text))
+    found = re.fullmatch(r"load: (\d+)% of its energy lies above 20 Hz, where a period has fewer than 10 steps of 0.005 s", warning)
+    assert float(found[1]) == pytest.approx(100 * share, abs=1.0)  # frequencies 0.2 Hz apart, and whole percents

@@ -1,0 +1,176 @@
+"""Signals, points and bases that scene files ask for."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from drivers.analysis import prepare
+from drivers.methods import analyse
+from drivers.request import Request
+from drivers.scene import read_scene
+from drivers.scene_warnings import scene_warnings
+from meshes.checked import ModelError
+
+ROOT = Path(__file__).parents[2]
+SCENES = ROOT / "drivers" / "scenes"
+SDLS = (SCENES / "sdls119a.toml").read_text(encoding="utf-8")
+RAFT = (SCENES / "raft.toml").read_text(encoding="utf-8")
+BEFORE_LOAD, AFTER_LOAD = SDLS.split("[load]")[0], "[[supports]]" + SDLS.split("[[supports]]")[1]
+
+
+def scene_of(tmp_path, text):
+    path = tmp_path / "scène.toml"
+    path.write_text(text, encoding="utf-8")
+    return read_scene(path)
+
+
+def with_load(tmp_path, lines):
+    return scene_of(tmp_path, f'{BEFORE_LOAD}[load]\ndirection = "X"\n{lines}\n\n{AFTER_LOAD}')
+
+
+def signal_of(tmp_path, lines):
+    return with_load(tmp_path, lines).model.motions[0].signal
+
+
+def test_sweep_and_noise_are_read(tmp_path):
+    sweep = signal_of(tmp_path, 'signal = "sweep"\nfirst = 1\nlast = 4.0\nend = 5.0\nspacing = "logarithmic"\ntaper = 0.5')
+    assert (sweep.first, sweep.last, sweep.end, sweep.spacing, sweep.taper) == (1.0, 4.0, 5.0, "logarithmic", 0.5)
+    noise = signal_of(tmp_path, 'signal = "noise"\nseed = 3\nrms = 2.0\nlow = 0.5\nhigh = 10\nend = 5\nrise = 1\ndecay = 2.0')
+    assert (noise.seed, noise.rms, noise.low, noise.high, noise.rise, noise.decay) == (3, 2.0, 0.5, 10.0, 1.0, 2.0)
+
+
+def test_inline_table_is_linear_between_its_values(tmp_path):
+    table = signal_of(tmp_path, 'signal = "table"\ntimes = [0, 1.0, 2]\nvalues = [0.0, 3, -1.0]')
+    assert table(np.array([-0.1, 0.5, 1.5, 2.1])).tolist() == [0.0, 1.5, 1.0, 0.0]
+
+
+@pytest.mark.parametrize(
+    ("lines", "key", "words"),
+    [
+        ('signal = "table"\ntimes = [0, 1]\nvalues = [0.0]', "load.times", "two pairs of time and value"),
+        ('signal = "table"\ntimes = [0, 1, 1]\nvalues = [0.0, 1, 2]', "load.times", "does not increase in row 3"),
+        ('signal = "table"\ntimes = [0, "x"]\nvalues = [0.0, 1]', "load.times", "expected a number"),
+        ('signal = "table"\ntimes = 3\nvalues = [0.0, 1]', "load.times", "expected an array"),
+        ('signal = "noise"\nseed = 1.5\nhigh = 3.0\nend = 1.0', "load.seed", "a whole number"),
+        ('signal = "noise"\nsede = 1\nhigh = 3.0\nend = 1.0', "load.seed", "did you mean 'seed'"),
+        ('signal = "csv"\nfile = "record.csv"\nunit = "ft/s2"', "load.unit", "m/s2, g, cm/s2"),
+        ('signal = "csv"\nfile = "none.csv"', "load.file", "no such file"),
+    ],
+)
+def test_wrong_signals_are_named(tmp_path, lines, key, words):
+    with pytest.raises(ModelError, match=words) as error:
+        signal_of(tmp_path, lines)
+    assert error.value.key == key
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("m/s2", 1.0), ("g", 9.80665), ("cm/s2", 0.01)])
+def test_record_has_a_unit(tmp_path, unit, factor):
+    (tmp_path / "séisme 1.csv").write_text("t;a\n0;0\n0.01;2\n0.02;-1\n", encoding="utf-8")
+    record = signal_of(tmp_path, f'signal = "csv"\nfile = "séisme 1.csv"\nunit = "{unit}"\nscale = 0.5')
+    assert record(np.array([0.01, 0.015])) == pytest.approx([factor, 0.25 * factor])
+
+
+@pytest.mark.parametrize(("row", "words"), [(0.001, "pass over some"), (0.007, "no multiple"), (0.02, "")])
+def test_record_that_does_not_fit_the_steps_is_warned_of(tmp_path, row, words):
+    t = row * np.arange(int(5 / row) + 1)
+    lines = [f"{time:.12g},{value:.12g}" for time, value in zip(t, np.sin(np.pi * t) ** 2, strict=True)]
+    (tmp_path / "record.csv").write_text("\n".join(lines), encoding="utf-8")
+    warnings = scene_warnings(with_load(tmp_path, 'signal = "csv"\nfile = "record.csv"'))
+    assert (len(warnings) == 1 and words in warnings[0]) if words else not warnings
+
+
+def test_points_from_a_file_are_those_of_the_edge(tmp_path, comm):
+    (tmp_path / "appuis du sol.csv").write_text("# under the plate\nx, y\n0,0\n1,0\n2,0\n3,0\n4,0\n", encoding="utf-8")
+    given = 'edge = "DBAS"               # the bottom edge (DDRO right, DHAU top, DGAU left), or points = [[0.0, 0.0], "P2"]\ncount = 5'
+    assert given in SDLS
+    scene = scene_of(tmp_path, SDLS.replace(given, 'file = "appuis du sol.csv"\n#'))
+    assert scene.model.supports[0].points == read_scene(SCENES / "sdls119a.toml").model.supports[0].points
+
+
+def test_shares_of_a_file_multiply_stiffness_and_mass(tmp_path, comm):
+    """A spring and a mass of twice the share answer as two of them at the point."""
+    (tmp_path / "points.csv").write_text("4;8;0;2\n0;8;0;0.5\n", encoding="utf-8")
+    listed = 'points = ["P3", "P4"]'
+    mass = '[[masses]]\nname = "M"\nmass = 500.0\n'
+    scene = scene_of(tmp_path, SDLS.replace(listed, 'file = "points.csv"').replace("Y = 1.0", "Y = 1e6") + mass + 'file = "points.csv"\n')
+    apart = SDLS.replace(listed, 'points = ["P3"]').replace("Y = 1.0", "Y = 2e6")
+    apart += '[[springs]]\nname = "R4"\npoints = ["P4"]\nstiffness = { Y = 5e5 }\n'
+    apart += mass.replace("500", "1000") + 'points = ["P3"]\n' + mass.replace("500", "250").replace('"M"', '"N"') + 'points = ["P4"]\n'
+    values = []
+    for made in (scene, scene_of(tmp_path, apart)):
+        with prepare(made, comm) as plant:
+            values.append(analyse(plant, Request("static")).final.probes)
+            assert plant.assembled.total_mass == pytest.approx(80_000.5 + 1250.0)
+    assert values[0] == pytest.approx(values[1], rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "at least one line"),
+        ("x,y\n", "at least one line"),
+        ("x,z\n0,0\n", "got the columns x, z"),
+        ("x,y,x\n0,0,0\n", "got the columns"),
+        ("0\n", "got the columns x"),
+        ("0,0\n1,0,0\n", "line 2: expected 2 numbers"),
+        ("0,0\n5,0\n", "lies outside the plate"),
+        ("0,0,0,-1\n", "expected a share > 0"),
+        ("0,0\n1,nan\n", "line 2: expected finite"),
+    ],
+)
+def test_wrong_files_of_points_are_named(tmp_path, text, words):
+    (tmp_path / "points.csv").write_text(text, encoding="utf-8")
+    with pytest.raises(ModelError, match=words) as error:
+        scene_of(tmp_path, SDLS.replace('points = ["P3", "P4"]', 'file = "points.csv"'))
+    assert error.value.key.startswith("springs[RESH].file")
+
+
+def test_three_directions_at_once_are_the_sum_of_each(tmp_path, comm):
+    """On bonded supports the answer is linear: three [[load]] together give the sum of the three apart."""
+    start, end = RAFT.split("[[load]]")[0], "[[supports]]" + RAFT.split("[[supports]]")[1]
+    end = end.replace('unilateral = "Z"', 'unilateral = ""').replace("{ Z = 2.0e7 }", "{ X = 1e7, Y = 2e7, Z = 2e7 }")
+    end = end.replace("{ Z = 1e12 }", "{ X = 1e12, Y = 1e12, Z = 1e12 }").replace("duration = 1.6", "duration = 0.4")
+    start = start.replace("9.81", "0.0") + '[kinematics]\nkind = "shell"\n\n'
+    loads = [
+        f'[[load]]\ndirection = "{axis}"\nsignal = "sine"\namplitude = {amplitude}\nfrequency = {frequency}\n\n'
+        for axis, amplitude, frequency in (("X", 1.0, 3.0), ("Y", 2.0, 4.0), ("Z", 3.0, 5.0))
+    ]
+    answers = []
+    for chosen in (loads, *([load] for load in loads)):
+        with prepare(scene_of(tmp_path, start + "".join(chosen) + end), comm) as plant:
+            answers.append(analyse(plant, Request("transient")).final.probes)
+    together, *apart = answers
+    assert all(np.max(np.abs(one)) > 1e-4 for one in apart)
+    assert np.max(np.abs(together - sum(apart))) < 1e-9 * np.max(np.abs(together))
+
+
+def test_basis_is_read_and_checked(tmp_path):
+    scene = scene_of(tmp_path, SDLS + "[basis]\ntolerance = 1e-5\nband = 30.0\n")
+    assert (scene.basis.tolerance, scene.basis.band, scene.basis.file) == (1e-5, 30.0, "")
+    with pytest.raises(ModelError, match="basis.tolerance: expected > 0 and < 1"):
+        scene_of(tmp_path, SDLS + "[basis]\ntolerance = 1.0\n")
+    with pytest.raises(ModelError, match="did you mean 'tolerance'"):
+        scene_of(tmp_path, SDLS + "[basis]\ntolerence = 1.0\n")
+
+
+@pytest.mark.serial
+def test_section_basis_is_used_and_overruled(tmp_path):
+    scene = tmp_path / "scène.toml"
+    scene.write_text(SDLS + '[basis]\ntolerance = 1e-5\nband = 30.0\nfile = "la base.h5"\n', encoding="utf-8")
+    clean = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_COMM", "PMIX", "PRTE"))}
+    bases = []
+    for number, options in enumerate(([], [], ["--basis", "1e-4"], ["--basis", "none"], ["--method", "modal"])):
+        out = tmp_path / f"out {number}"
+        command = [sys.executable, "-m", "drivers", "run", str(scene), "--out", str(out), "--no-plots", "--quiet", *options]
+        done = subprocess.run(command, cwd=ROOT, env=clean, capture_output=True, text=True, timeout=120)
+        assert (done.returncode, done.stderr) == (0, "")
+        bases.append(json.loads((out / "summary.json").read_text(encoding="utf-8")).get("basis"))
+    assert (bases[0]["tolerance"], bases[0]["band_Hz"]) == (1e-5, 30.0)
+    assert (tmp_path / "la base.h5").is_file()
+    assert bases[1]["vectors"] == bases[0]["vectors"]  # from the file
+    assert bases[2] is not None and bases[3] is None and bases[4] is None
