@@ -4,7 +4,10 @@ PYTHON = /usr/bin/python3
 PACKAGES = python3-dolfinx python3-dolfinx-real python3-dolfinx-complex \
   python3-petsc4py python3-slepc4py python3-gmsh python3-meshio python3-h5py \
   python3-scipy python3-matplotlib python3-pytest \
-  gcc libc6-dev openmpi-bin
+  libopenblas0-serial gcc libc6-dev openmpi-bin
+
+# Tests read the report in a browser; nothing else needs one.
+TEST_PACKAGES = chromium chromium-driver
 
 # One thread a process: MPI brings the parallelism, and threads of BLAS beside it only compete for the same cores.
 export OMP_NUM_THREADS ?= 1
@@ -32,6 +35,7 @@ run: packages
 	$(PYTHON) -m drivers verify
 
 test: packages
+	$(call install,$(TEST_PACKAGES))
 	$(PYTHON) -m pytest
 
 image:
@@ -56,7 +60,7 @@ packages:
 help:
 	@echo 'make        the same as make run'
 	@echo 'make run    install what is missing, rerun SDLS119 and compare the published values'
-	@echo 'make test   install what is missing, run all tests'
+	@echo 'make test   install what is missing and a browser for the report, run all tests'
 	@echo 'make image  build the container image uplift with docker or podman'
 	@echo 'make lint   ruff and mypy, in .venv'
 	@echo 'make help   this list'
