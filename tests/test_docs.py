@@ -27,7 +27,7 @@ ELSEWHERE = {
     "stability": "minutes; tests/drivers/test_stability.py runs it with --quick",
     "pareto": "an hour; tests/drivers/test_pareto.py runs a slice",
     "scale": "minutes; tests/drivers/test_scaling.py runs its parts",
-    "benchmarks": "a minute; its scenes are those of tests/forms and of the page",
+    "benchmarks": "a minute; tests/drivers/test_benchmarks.py runs a quick selection",
     "cost": "minutes of measurements, whose numbers mean nothing beside other tests",
 }
 """Commands that are only parsed here, and why; `make` and `docker` need root or an engine and are parsed too."""
@@ -260,7 +260,8 @@ def test_links_resolve(page):
 
 @pytest.mark.parametrize("page", WRITTEN, ids=lambda page: page.stem)
 def test_files_and_names_exist(page):
-    sources = "\n".join(text_of(path) for folder in ("meshes", "forms", "solvers", "drivers", "tests") for path in (ROOT / folder).rglob("*.py"))
+    folders = ("meshes", "forms", "solvers", "drivers", "tests")
+    sources = "\n".join(text_of(path) for folder in folders for path in (ROOT / folder).rglob("*.py"))
     for span in spans(page):
         if re.fullmatch(r"(?!results/)[\w.-]+(/[\w.-]+)+", span) and not span.startswith("/"):
             made = {str(parser.get_default("out")) for parser in subcommands().values()}
