@@ -48,7 +48,7 @@ RUN set -e; \
       if ! grep -q '^\[fourier\]' "$scene"; then \
         printf '\n[fourier]\nlength = 1.0\nsamples = 4\ncutoff = 1.0\n' >> /results/warm-up; fi; \
       for method in transient time-frequency; do \
-        python3 -m drivers run /results/warm-up --method $method --iterations 1 --no-plots --quiet --out /results/run/$method; \
+        python3 -m drivers run /results/warm-up --method $method --iterations 1 --no-plots --quiet --out "/results/run$scene/$method"; \
       done; \
     done; \
     python3 -m drivers verify --out /results/verify; \

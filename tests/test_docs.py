@@ -271,3 +271,17 @@ def test_files_and_names_exist(page):
         elif page.name == "architecture.md" and re.fullmatch(r"[A-Za-z_][\w.]*", span) and not span.endswith((".toml", ".h5")):
             name = span.rsplit(".", 1)[-1]
             assert re.search(rf"\b{name}\b", sources), f"{page.name}: {span}"
+
+
+def test_one_version_and_one_licence():
+    project = tomllib.loads(text_of(ROOT / "pyproject.toml"))["project"]
+    citation, licence = text_of(ROOT / "CITATION.cff"), project["license"]["text"]
+    assert f"version: {project['version']}\n" in citation and f"license: {licence}\n" in citation
+    assert f"## {project['version']}\n" in text_of(ROOT / "CHANGELOG.md")
+    assert text_of(ROOT / "LICENSE").startswith(f"{licence} License")
+
+
+def test_image_and_machine_have_the_same_packages():
+    wanted = re.search(r"^PACKAGES = ((?:.*\\\n)*.*)$", text_of(ROOT / "Makefile"), re.MULTILINE)[1]
+    installed = re.search(r"install -y --no-install-recommends((?:.*\\\n)*?) &&", text_of(ROOT / "Dockerfile"))[1]
+    assert sorted(wanted.replace("\\", "").split()) == sorted(installed.replace("\\", "").split())
