@@ -25,7 +25,7 @@ ELSEWHERE = {
     "truncation": "half a minute; tests/drivers/test_modes.py runs it on fewer modes",
     "survey": "minutes; tests/drivers/test_survey.py runs it with --quick",
     "stability": "minutes; tests/drivers/test_stability.py runs it with --quick",
-    "pareto": "an hour; tests/drivers/test_pareto.py runs a slice",
+    "pareto": "many minutes; tests/drivers/test_pareto.py runs a slice",
     "scale": "minutes; tests/drivers/test_scaling.py runs its parts",
     "benchmarks": "a minute; tests/drivers/test_benchmarks.py runs a quick selection",
     "cost": "minutes of measurements, whose numbers mean nothing beside other tests",
