@@ -126,12 +126,18 @@ class Joints:
         """Return the dof of the space that is component `axis` of a node."""
         return self.block * node + self.column[axis]
 
-    def refuse_held(self, held: np.ndarray) -> None:
-        """Raise `ModelError` if a contact that can open stands under a node that a condition holds (`held`: dofs of this rank)."""
-        for support, point, _, axis, node, _, channel in self._parts:
-            if channel >= 0 and self.dof(node, axis) in held:
-                words = f"a condition holds the plate at {in_words(point)}, where this contact should open"
-                raise ModelError(f"supports.{support.name}.unilateral", words)
+    def refuse_held(self, held: np.ndarray, comm: Any) -> None:
+        """Raise `ModelError` on all ranks if a contact that can open stands under a node that a condition holds (collective).
+
+        `held` are dofs of this rank.
+        """
+        wrong = [
+            (f"supports.{support.name}.unilateral", f"a condition holds the plate at {in_words(point)}, where this contact should open")
+            for support, point, _, axis, node, _, channel in self._parts if channel >= 0 and self.dof(node, axis) in held
+        ]
+        for found in comm.allgather(wrong[:1]):
+            if found:
+                raise ModelError(*found[0])
 
     def parts(self, numbering: Numbering) -> Iterator[JointPart]:
         """Give the joint components of this rank whose plate dof is free."""

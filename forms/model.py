@@ -246,7 +246,7 @@ def assemble_plate(forms: CompiledForms, model: PlateModel) -> AssembledPlate:
     field.model = model = _spelled_out(forms, field, model)
     held = held_dofs(model.conditions, forms.tagged, forms.space, forms.components, forms.kind)
     joints = Joints(forms.space, forms.components, forms.kind, model)
-    joints.refuse_held(held)
+    joints.refuse_held(held, forms.space.mesh.comm)
     numbering = Numbering(forms.space, held, joints.n_extra)
     bonded, unilateral, extra_mass = joints.matrices(numbering)
     field.set_material()
@@ -383,12 +383,13 @@ def _force_vector(force: Force, forms: CompiledForms, numbering: Numbering, join
         nodes = owned_nodes(forms.space, np.asarray(force.points, dtype=float).reshape(-1, 3), force.name)
     except ModelError as error:
         raise ModelError(f"load[{force.name}].points", error.message) from None
+    for axis in np.flatnonzero(force.components):
+        if axis not in joints.column:
+            raise ModelError(f"load[{force.name}].force", f"the kinematics {forms.kind!r} has nothing along {AXES[axis]}")
     values = np.zeros(numbering.n_field)
     for node, share in zip(nodes, force.factors, strict=True):
         for axis, value in enumerate(force.components):
             if node >= 0 and value != 0:
-                if axis not in joints.column:
-                    raise ModelError(f"load[{force.name}].components", f"the kinematics {forms.kind!r} has nothing along {AXES[axis]}")
                 values[joints.dof(int(node), axis)] += share * value
     return numbering.vector(values)
 

@@ -211,7 +211,7 @@ def test_harmonic_answers_against_dense_algebra(comm, tmp_path):
         vectors = [np.concatenate(comm.allgather(load.vector.array_r)) for load in plant.operators.loads]
         row = np.concatenate(comm.allgather(plant.operators.probes.local.toarray()), axis=1)[0]
     if comm.rank == 0:
-        lines = list(csv.DictReader((tmp_path / "response.csv").open()))
+        lines = list(csv.DictReader((tmp_path / "response.csv").read_text(encoding="utf-8").splitlines()))
         for line in lines:
             w = 2 * np.pi * float(line["frequency [Hz]"])
             for name, vector in zip(("ground motion", "P"), vectors, strict=True):
