@@ -183,8 +183,9 @@ class Checkpoint:
     def clear(self) -> None:
         """Remove the checkpoints of a run that has come to its end, on rank 0."""
         if self._comm.rank == 0:
-            for path in self.folder.glob("*.h5"):
-                path.unlink()
+            for pattern in ("*.h5", "*.unfinished"):  # a kill may have left a file half written
+                for path in self.folder.glob(pattern):
+                    path.unlink()
         self.leave()
 
     def leave(self) -> None:

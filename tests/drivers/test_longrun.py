@@ -34,8 +34,11 @@ LONG = {
 """What makes a run of the reference case last a second or two, or ten for many kills."""
 
 
-SHORTER = {**LONG, "transient": (("step = 0.005", "step = 0.0005"), ("every = 2", "every = 20"))}
-"""For several ranks on few cores, which take turns at every step."""
+ON_RANKS = {
+    "transient": (("step = 0.005", "step = 0.0005"), ("every = 2", "every = 20")),
+    "time-frequency": (("nx = 4", "nx = 16"), ("ny = 8", "ny = 32")),
+}
+"""For several ranks on few cores, which take turns at every step of a march and hear late of a signal."""
 
 
 def scene_for(method, folder, changes=LONG):
@@ -105,7 +108,7 @@ def test_killed_at_any_moment_it_ends_in_the_same_bits(method, tmp_path):
 
 @pytest.mark.parametrize(("method", "before", "after"), [("transient", 1, 2), ("time-frequency", 2, 1)])
 def test_resumed_on_other_ranks_it_ends_in_the_same_history(method, before, after, tmp_path):
-    scene = scene_for(method, tmp_path, SHORTER)
+    scene = scene_for(method, tmp_path, ON_RANKS)
     for _ in range(5):  # a run may come to its end between its checkpoint and the signal
         child = start(scene, tmp_path / "out", "--method", method, "--checkpoint", "0.05", "--overwrite", ranks=before)
         wait_for_checkpoint(child, tmp_path / "out" / "checkpoint")
