@@ -125,6 +125,9 @@ class DirectSolver(LinearSolver):
             options = PETSc.Options(prefix)
             if not options.hasName("mat_mumps_icntl_6"):
                 options["mat_mumps_icntl_6"] = 0
+            # Room beyond the estimate, percent: delayed pivots of stiff joints need more than the usual 20 in a small matrix on many ranks.
+            if not options.hasName("mat_mumps_icntl_14"):
+                options["mat_mumps_icntl_14"] = 400 if matrix.getSize()[0] <= 10 * SMALL else 60
         self._ksp.setFromOptions()
         self.refactor()
 
