@@ -25,6 +25,7 @@ def nodes_of(tagged: TaggedMesh, space: Any, group: str) -> np.ndarray:
         extent = extent_of(tagged.mesh.geometry.x, tagged.mesh.comm)
         return np.flatnonzero(np.linalg.norm(at - tagged.points[group], axis=1) <= 1e-6 * extent)
     entities = tagged.facets(group) if dimension == 1 else tagged.cells(group)
+    tagged.mesh.topology.create_connectivity(dimension, 2)
     nodes = dolfinx.fem.locate_dofs_topological(space, dimension, entities.astype(np.int32))
     return np.unique(nodes[nodes < owned])
 
