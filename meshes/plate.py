@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from inspect import signature
 from typing import Any
 
 from meshes.checked import Checked, ModelError, quantity
@@ -64,7 +65,9 @@ def gmsh_session() -> Iterator[Any]:
     """Give an empty gmsh, silent, and close it on leaving (call on one rank only)."""
     import gmsh  # loaded on the meshing rank only: the library takes most of a second
 
-    gmsh.initialize([], False)
+    # Newer releases let Ctrl-C kill the process, past whoever wants to write a checkpoint, unless told not to.
+    newer = {"interruptible": False} if "interruptible" in signature(gmsh.initialize).parameters else {}
+    gmsh.initialize([], False, **newer)
     try:
         gmsh.option.setNumber("General.Terminal", 0)
         yield gmsh

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import importlib
+from functools import partial
 from typing import Any
+from unittest.mock import patch
 
 import dolfinx
 import dolfinx.fem
@@ -11,9 +13,13 @@ import dolfinx.fem.petsc
 import numpy as np
 from dolfinx.io import gmshio
 
+from meshes.partition import keep_joints_whole, ranks_at_vertices
+
 # What one release lacks is no error to a type checker that sees the other.
 _fem: Any = dolfinx.fem
 _geometry: Any = importlib.import_module("dolfinx.geometry")
+_gmshio: Any = gmshio
+_mesh: Any = importlib.import_module("dolfinx.mesh")
 _OLD = hasattr(dolfinx.fem, "VectorFunctionSpace")
 
 
@@ -32,8 +38,31 @@ def compile_form(form: Any, cache_dir: str | None = None) -> Any:
 
 
 def distribute(model: Any, comm: Any, gdim: int) -> tuple[Any, Any, Any]:
-    """Turn the gmsh model of rank 0 into a distributed mesh, in the plane (`gdim` 2) or in space (3), with cell and facet tags."""
-    return gmshio.model_to_mesh(model, comm, 0, gdim=gdim)[:3]
+    """Turn the gmsh model of rank 0 into a distributed mesh, in the plane (`gdim` 2) or in space (3), with cell and facet tags.
+
+    In space, where plates meet along joints, cells are shared out so that no joint comes open (`meshes.partition`).
+    """
+    if gdim == 2 or comm.size == 1:
+        return gmshio.model_to_mesh(model, comm, 0, gdim=gdim)[:3]
+    library = _mesh.create_cell_partitioner(*(() if _OLD else (_mesh.GhostMode.none,)))
+
+    def partitioner(comm: Any, parts: int, kind: Any, cells: Any, *ghost_mode: Any) -> Any:
+        """Share out the cells, all on rank 0 before, as the library does, and see to the joints."""
+        found = library(comm, parts, kind, cells, *ghost_mode)
+        if not found.num_nodes:
+            return found
+        vertices = np.asarray(cells.array if _OLD else cells[0]).reshape(found.num_nodes, -1)
+        owners = found.array[found.offsets[:-1]]
+        if _OLD:
+            return type(found)(*ranks_at_vertices(vertices, owners))
+        return type(found)(keep_joints_whole(vertices, owners), np.arange(len(owners) + 1, dtype=np.int32))
+
+    if not _OLD:
+        return _gmshio.model_to_mesh(model, comm, 0, gdim=gdim, partitioner=partitioner)[:3]
+    # This release takes no partitioner here: it gets ours through the function that it calls.
+    create_mesh = partial(_mesh.create_mesh, ghost_mode=_mesh.GhostMode.none, partitioner=partitioner)
+    with patch.object(gmshio, "create_mesh", create_mesh):
+        return gmshio.model_to_mesh(model, comm, 0, gdim=gdim)
 
 
 def piecewise_constant_space(mesh: Any) -> Any:
