@@ -198,6 +198,8 @@ def _parser() -> argparse.ArgumentParser:
     scale.add_argument("--out", type=Path, default=Path("docs/scaling.md"), metavar="FILE.md", help="default: %(default)s")
     scale.add_argument("--quick", action="store_true", help="small meshes only")
     scale.add_argument("--measure", type=int, nargs=3, help=argparse.SUPPRESS)
+    scale.add_argument("--measure-reduced", nargs=4, help=argparse.SUPPRESS)
+    scale.add_argument("--measure-direct", nargs=2, help=argparse.SUPPRESS)
     scale.set_defaults(command=_scale, quiet=True)
     pareto = commands.add_parser(
         "pareto", help="error against run time, by every method",
@@ -453,19 +455,26 @@ def _scale(options: argparse.Namespace, begin: float) -> int:
     from drivers.scene import read_scene
 
     scene = read_scene(options.scene)
-    if options.measure is None:
+    if not (options.measure or options.measure_reduced or options.measure_direct):
         if runtime.launched():
             raise ModelError("scale", "starts its own ranks; run it without mpirun")
         from drivers.scaling import scaling
 
-        scaling(options.scene, options.out, quick=options.quick)
+        scaling(options.scene, scene, options.out, quick=options.quick)
         return 0
-    runtime.choose_scalars("complex")
+    runtime.choose_scalars("real" if options.measure_reduced else "complex")
     with runtime.parallel() as comm:
-        from drivers.scaling import measure, say_measured
+        from drivers import scaling as scale
+        from drivers import scaling_reduced as reduced
 
-        factor, points, groups = options.measure
-        say_measured(measure(scene, comm, factor, points, groups))
+        if options.measure_reduced:
+            factor, steps, checks, folder = options.measure_reduced
+            scale.say_measured(reduced.measure_reduced(scene, comm, int(factor), int(steps), int(checks), Path(folder)))
+        elif options.measure_direct:
+            factor, folder = options.measure_direct
+            scale.say_measured(reduced.measure_direct(scene, comm, int(factor), Path(folder)))
+        else:
+            scale.say_measured(scale.measure(scene, comm, *options.measure))
     return 0
 
 

@@ -12,6 +12,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,8 +22,10 @@ from drivers.analysis import prepare
 from drivers.cost import refined
 from drivers.output import processor, versions, writable_folder
 from drivers.runtime import say
+from drivers.scaling_reduced import CHECKED, Direct, Reduced, reduced_rows
 from drivers.scene import Scene
 from meshes.checked import ModelError
+from meshes.imported import MeshFile
 
 BAND = 25.0
 """Hz: the frequencies of a measurement are spread over it."""
@@ -78,10 +81,10 @@ def measure(scene: Scene, comm: Any, factor: int, points: int, groups: int) -> M
         return Measured(plant.operators.n, points, time.perf_counter() - begin, worked, ready, peak_bytes(comm)[0])
 
 
-def in_child(path: Path, ranks: int, *arguments: object) -> Measured:
-    """Measure in a process of its own, or in several under mpirun."""
+def in_child(path: Path, ranks: int, *arguments: object) -> dict[str, Any]:
+    """Measure in a process of its own, or in several under mpirun, and return what it printed."""
     launcher = [] if ranks == 1 else [shutil.which("mpirun") or "mpirun", "--oversubscribe", "-n", str(ranks)]
-    command = [*launcher, sys.executable, "-m", "drivers", "scale", str(path), "--measure", *map(str, arguments)]
+    command = [*launcher, sys.executable, "-m", "drivers", "scale", str(path), *map(str, arguments)]
     environment = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_COMM", "PMIX", "PRTE"))}
     try:
         done = subprocess.run(command, capture_output=True, text=True, check=True, env=environment)
@@ -89,24 +92,30 @@ def in_child(path: Path, ranks: int, *arguments: object) -> Measured:
         raise ModelError("scale", "needs mpirun, which is not installed") from None
     except subprocess.CalledProcessError as error:
         raise RuntimeError(f"a measurement on {ranks} ranks failed: {error.stderr.strip()}") from error
-    return Measured(**json.loads(done.stdout.splitlines()[-1]))
+    found: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
+    return found
 
 
-def say_measured(measured: Measured) -> None:
+def say_measured(measured: Measured | Reduced | Direct) -> None:
     """Print a measurement for the process that asked for it."""
     say(json.dumps(asdict(measured)))
 
 
-def scaling(path: Path, out: Path, *, quick: bool) -> None:
-    """Measure all cases and write the page."""
+def scaling(path: Path, scene: Scene, out: Path, *, quick: bool) -> None:
+    """Measure all cases and write the page. Raises `ModelError` for a scene that lacks what is measured."""
     writable_folder(out.absolute().parent)
+    if scene.fourier is None or scene.transient is None:
+        raise ModelError("scale", "expected a scene with the sections [fourier] and [transient]")
+    if isinstance(scene.plate, MeshFile):
+        raise ModelError("mesh.file", "expected a mesh that the program makes: one from a file cannot be refined")
+    reduced = reduced_rows(scene, partial(in_child, path, 1), say, quick=quick)
     rows: list[dict[str, Measured]] = []
     for line in HEAD:
         say(line)
     for factor, points in QUICK if quick else CASES:
         rows.append(shortest(path, factor, points, 1 if quick else ROUNDS))
         say(_row(rows[-1]))
-    out.write_text(page(rows, (), quick=quick), encoding="utf-8")
+    out.write_text(page(rows, reduced, quick=quick), encoding="utf-8")
     say(f"page in {out}")
 
 
@@ -118,7 +127,7 @@ def shortest(path: Path, factor: int, points: int, rounds: int) -> dict[str, Mea
         if number and time.monotonic() > end:
             break
         for name, (ranks, groups) in LAYOUTS.items():
-            here = in_child(path, ranks, factor, points, groups)
+            here = Measured(**in_child(path, ranks, "--measure", factor, points, groups))
             if name not in best or here.seconds < best[name].seconds:
                 best[name] = here
     return best
@@ -150,7 +159,7 @@ def page(rows: list[dict[str, Measured]], reduced_rows: Sequence[str], *, quick:
         upper = f"; {late:.2f} on one rank over the meshes of more than 4,000 dofs"
     about = versions()
     growth = ", ".join(f"{p:.2f} ({name})" for name, p in exponents.items())
-    reduced = "\n".join(["## The reduced sweep", "", *reduced_rows, ""]) if reduced_rows else ""
+    reduced = "\n".join(["## The reduced sweep", "", CHECKED, "", *reduced_rows, "", ""]) if reduced_rows else ""
     table = "\n".join([*HEAD, *(_row(row) for row in rows)])
     command = "python3 -m drivers scale" + (" --quick" if quick else "")
     return f"""# How the sweep grows

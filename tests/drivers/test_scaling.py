@@ -1,6 +1,12 @@
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
-from drivers.scaling import LAYOUTS, Measured, in_child, page, slope
+from drivers.scaling import LAYOUTS, Measured, in_child, page, scaling, slope
+from drivers.scaling_reduced import FILE, Direct, Reduced
+from drivers.scene import read_scene
+from meshes.checked import ModelError
 from tests.conftest import SCENES
 
 pytestmark = pytest.mark.serial
@@ -24,6 +30,29 @@ def test_page_extrapolates_what_was_measured():
 
 
 def test_measurements_in_children():
-    one, two = (in_child(SCENES / "sdls119a.toml", ranks, 1, 4, groups) for ranks, groups in ((1, 1), (2, 2)))
+    one, two = (
+        Measured(**in_child(SCENES / "sdls119a.toml", ranks, "--measure", 1, 4, groups)) for ranks, groups in ((1, 1), (2, 2))
+    )
     assert one.dofs == two.dofs == 100 and one.points == 4
     assert 0 < one.cpu and 0 < one.seconds and one.memory > 5e7
+
+
+def test_the_reduced_run_agrees_with_the_direct_sweep_and_the_full_march(tmp_path):
+    path = SCENES / "sdls119a.toml"
+    mine = Reduced(**in_child(path, 1, "--measure-reduced", 2, 600, 3, tmp_path))
+    direct = Direct(**in_child(path, 1, "--measure-direct", 2, tmp_path))
+    assert mine.dofs == 316 and mine.steps == 4096
+    assert direct.difference < 1e-8 and mine.full_difference < 1e-6
+    # A wrong amplitude shows.
+    with np.load(tmp_path / FILE) as saved:
+        wrong = dict(saved)
+    wrong["probes"] = wrong["probes"] * 1.001
+    np.savez(tmp_path / FILE, **wrong)
+    assert Direct(**in_child(path, 1, "--measure-direct", 2, tmp_path)).difference > 9e-4
+
+
+def test_a_scene_without_a_window_is_refused(tmp_path):
+    scene = replace(read_scene(SCENES / "sdls119a.toml"), fourier=None)
+    with pytest.raises(ModelError, match="fourier"):
+        scaling(SCENES / "sdls119a.toml", scene, tmp_path / "page.md", quick=True)
+    assert not (tmp_path / "page.md").exists()
