@@ -13,11 +13,10 @@ import numpy as np
 
 from drivers.analysis import Plant, prepare
 from drivers.output import processor, versions, writable_folder
+from drivers.refinement import finer
 from drivers.runtime import say
 from drivers.scene import Scene
 from meshes.checked import ModelError
-from meshes.imported import MeshFile
-from meshes.panels import Panels
 from meshes.plate import Plate
 from solvers.newmark import Newmark, State, static_state, transient
 from solvers.parameters import Scheme
@@ -50,12 +49,7 @@ class Row:
 
 def refined(scene: Scene, factor: int) -> Scene:
     """Return the scene on a mesh refined by `factor` in both directions. Raises `ModelError` for a mesh from a file."""
-    mesh = scene.plate
-    if isinstance(mesh, MeshFile):
-        raise ModelError("mesh.file", "expected a mesh that the program makes: one from a file cannot be refined")
-    if isinstance(mesh, Panels):
-        return replace(scene, plate=replace(mesh, size=mesh.size / factor))
-    return replace(scene, plate=replace(mesh, nx=mesh.nx * factor, ny=mesh.ny * factor))
+    return replace(scene, plate=finer(scene.plate, factor))
 
 
 def on_a_line(scene: Scene, supports: int) -> Scene:

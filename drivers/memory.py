@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from drivers.refinement import expected_dofs, kinematics_of
 from drivers.request import Request
 from drivers.scene import Scene
-from forms.kinematics import AXES_OF, choose, degree_of
+from forms.kinematics import AXES_OF
 from meshes.checked import ModelError
-from meshes.imported import MeshFile
-from meshes.panels import Panels
-from meshes.plate import Plate
 
 if TYPE_CHECKING:
     from solvers.memory import Size
@@ -23,9 +21,6 @@ NEIGHBOURS = {
 }
 """Nodes that share a cell with a node, on average over a large mesh, by cell and degree."""
 
-BYTES_A_CELL = 40.0
-"""Of a mesh file in text, cells and nodes together; a binary one holds more cells, so its mesh is taken for smaller than it is."""
-
 LOOKS = 20
 """Numbers archived at an instant beside two for each contact; more probes than this need no memory that counts."""
 
@@ -34,23 +29,10 @@ def expected_size(scene: Scene, *, is_complex: bool) -> Size:
     """Return the size of the system that the scene will become, near enough."""
     from solvers.memory import Size
 
-    mesh, flat = scene.plate, False
-    if isinstance(mesh, Plate):
-        squares, flat = float(mesh.nx * mesh.ny), True
-    elif isinstance(mesh, Panels):
-        squares, flat = mesh.area / mesh.size**2, mesh.flat
-    else:
-        squares = mesh.path.stat().st_size / BYTES_A_CELL
-    cell = "quadrilateral" if isinstance(mesh, MeshFile) else mesh.cell
-    kind = choose(scene.kinematics, scene.model, flat)
-    degree = degree_of(kind, mesh.degree, cell)
-    components = len(AXES_OF[kind])
-    nodes = squares * degree**2 + 2 * squares**0.5 * degree + 1
-    if isinstance(mesh, Plate):
-        nodes = (mesh.nx * degree + 1) * (mesh.ny * degree + 1)
-    n = components * nodes
+    kind, cell, degree = kinematics_of(scene.plate, scene.kinematics, scene.model)
+    n = expected_dofs(scene.plate, scene.kinematics, scene.model)
     n += sum(sum(k > 0 for k in support.stiffness) * len(support.points) for support in scene.model.supports)
-    return Size(int(n), int(components * NEIGHBOURS[cell, degree] * n), is_complex)
+    return Size(n, int(len(AXES_OF[kind]) * NEIGHBOURS[cell, degree] * n), is_complex)
 
 
 def expected_bytes(scene: Scene, request: Request, ranks: int, groups: int | None) -> float:

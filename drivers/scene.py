@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from drivers.refinement import finer_to
 from drivers.scene_mesh import read_mesh, with_nodes
 from drivers.scene_model import read_model
 from drivers.scene_table import Table
@@ -221,7 +222,7 @@ def build_scene(table: dict[str, Any], folder: Path) -> Scene:
     """Build a scene from a TOML table; file names in it are relative to `folder`."""
     scene = Table(table, "")
     title = scene.take("title", str, default="")
-    mesh = read_mesh(scene, folder)
+    mesh, dofs = read_mesh(scene, folder)
     kinematics = scene.section("kinematics", Kinematics, optional=True) or Kinematics()
     transient = scene.section("transient", Transient, optional=True)
     fourier = scene.section("fourier", Window, optional=True)
@@ -238,4 +239,6 @@ def build_scene(table: dict[str, Any], folder: Path) -> Scene:
         for name in names:
             if names.count(name) > 1:
                 raise ModelError(key, f"expected different names, {name!r} is there twice")
+    if dofs:
+        mesh = finer_to(mesh, kinematics, model, dofs)
     return Scene(title, with_nodes(mesh, model), model, kinematics, transient, fourier, modal, harmonic, basis, output, run, table)

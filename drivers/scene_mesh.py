@@ -18,20 +18,21 @@ from meshes.panels import Panel, Panels
 from meshes.plate import LARGEST, Plate, Point
 from meshes.sources import MeshSource
 
+MOST_DOFS = 1_000_000_000
+"""No mesh is refined to more."""
 
-def read_mesh(scene: Table, folder: Path) -> MeshSource:
-    """Read the section [mesh]: with `file` a mesh file, with `plates` joined plates, else a rectangle."""
+
+def read_mesh(scene: Table, folder: Path) -> tuple[MeshSource, int]:
+    """Read the section [mesh]: with `file` a mesh file, with `plates` joined plates, else a rectangle; and the dofs to refine it to."""
     given = scene.take("mesh", dict)
     table = Table(given, "mesh")
-    table.note("file", "plates")
-    source: MeshSource
+    table.note("file", "plates", "dofs")
     if "file" in given:
-        source = table.whole(MeshFile, path=folder / table.take("file", str))
-    elif "plates" in given:
-        source = _panels(table)
-    else:
-        source = table.whole(Plate)
-    return source
+        return table.whole(MeshFile, path=folder / table.take("file", str)), 0
+    dofs = table.take("dofs", int, default=0)
+    if not 0 <= dofs <= MOST_DOFS:
+        raise ModelError(table.key("dofs"), f"expected a whole number of at most {MOST_DOFS:g}, got {dofs}")
+    return _panels(table) if "plates" in given else table.whole(Plate), dofs
 
 
 def _panels(table: Table) -> Panels:

@@ -8,7 +8,7 @@ from typing import Any, get_type_hints
 
 from drivers import scene as scene_module
 from drivers import scene_model
-from drivers.scene_mesh import COLUMNS
+from drivers.scene_mesh import COLUMNS, MOST_DOFS
 from drivers.scene_table import in_words
 from forms.kinematics import Kinematics
 from forms.material import Material
@@ -120,14 +120,21 @@ def _signal_section(name: str, kind: type, *more: Key) -> Section:
     return Section("load", f'[load] signal = "{name}"', doc, of(kind) + more)
 
 
+def _dofs(refined: str) -> Key:
+    words = f"dofs at least: {refined} are for the coarsest mesh, which is refined by the least whole factor that gives so many"
+    return Key("dofs", int, words.replace("size are", "size is"), default=0, range=f"<= {MOST_DOFS:g}")
+
+
 def sections() -> list[Section]:
     """Return all sections in the order of the page."""
     plates = Key("plates", "tables [[mesh.plates]]", "the plates")
     points = Key("points", "a table of points", "points that become nodes, by a name of your choice: NAME = [x, y, z]", "m", None)
     return [
         Section("", "Top of the file", "Before all sections.", (Key("title", str, "title of the scene", default=""),)),
-        Section("mesh", "[mesh] of a rectangle", _doc(Plate), of(Plate)),
-        Section("mesh", "[mesh] of joined plates", _doc(Panels), (plates, points, *of(Panels, "plates", "named_points", "nodes"))),
+        Section("mesh", "[mesh] of a rectangle", _doc(Plate), (*of(Plate), _dofs("nx and ny"))),
+        Section("mesh", "[mesh] of joined plates", _doc(Panels), (
+            plates, points, *of(Panels, "plates", "named_points", "nodes"), _dofs("size"),
+        )),
         Section("mesh.plates", "[[mesh.plates]]", _doc(Panel), of(
             Panel,
             corners=Key("corners", "an array of points [x, y, z]", "in order around the plate", "m", range="at least 3, in one plane"),

@@ -1,5 +1,6 @@
 """The scenes of plates and boxes that ship, by every method."""
 
+import tomllib
 from dataclasses import replace
 
 import numpy as np
@@ -8,7 +9,8 @@ import pytest
 from drivers.analysis import prepare
 from drivers.methods import analyse
 from drivers.request import Request
-from drivers.scene import read_scene
+from drivers.scene import build_scene, read_scene
+from meshes.checked import ModelError
 from tests.conftest import SCENES
 
 
@@ -56,3 +58,42 @@ def test_transient_and_basis_agree(comm):
     lifted, (basis, sweep) = agreement(shortened("raft"), comm, requests)
     assert lifted > 1e3
     assert max(basis) < 1e-5 and max(sweep) < 1e-5
+
+
+def large(dofs):
+    table = tomllib.loads((SCENES / "large.toml").read_text(encoding="utf-8"))
+    table["mesh"]["dofs"] = dofs
+    return build_scene(table, SCENES)
+
+
+def test_the_large_scene_by_its_basis(comm):
+    requests = [Request("transient"), Request("transient", basis=1e-6), Request("time-frequency", basis=1e-6)]
+    lifted, (basis, sweep) = agreement(large(1000), comm, requests)
+    assert lifted > 1e3
+    assert basis[0] < 1e-6 and sweep[0] < 1e-6
+    assert max(basis[1], sweep[1]) < 1e-5
+
+
+@pytest.mark.parametrize(("dofs", "factor"), [(0, 1), (306, 1), (307, 2), (1122, 2), (100_000, 20)])
+def test_dofs_refine_by_the_least_factor(dofs, factor):
+    mesh = large(dofs).plate
+    assert (mesh.nx, mesh.ny) == (8 * factor, 16 * factor)
+    assert 2 * (8 * factor + 1) * (16 * factor + 1) >= dofs
+    assert factor == 1 or 2 * (8 * factor - 7) * (16 * factor - 15) < dofs
+
+
+def test_dofs_of_a_bent_plate_and_of_joined_plates():
+    tables = {name: tomllib.loads((SCENES / f"{name}.toml").read_text(encoding="utf-8")) for name in ("raft", "box")}
+    coarse = {name: build_scene(table, SCENES).plate for name, table in tables.items()}
+    for table in tables.values():
+        table["mesh"]["dofs"] = 100_000
+    raft, box = (build_scene(tables[name], SCENES).plate for name in ("raft", "box"))
+    # Three dofs a node, nodes at corners, middles of sides and inside.
+    assert 3 * (2 * raft.nx + 1) ** 2 >= 100_000 > 3 * (2 * (raft.nx - coarse["raft"].nx) + 1) ** 2
+    assert coarse["box"].size / box.size == round(coarse["box"].size / box.size) > 1
+
+
+@pytest.mark.parametrize("wrong", [-1, 10**10, 1.5, "many"])
+def test_dofs_out_of_range_are_refused(wrong):
+    with pytest.raises(ModelError, match="mesh.dofs"):
+        large(wrong)

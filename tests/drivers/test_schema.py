@@ -91,6 +91,7 @@ SIGNALS = {
 def tables():
     """Scenes that use every key between them."""
     rectangle = tomllib.loads(RECTANGLE)
+    rectangle["mesh"]["dofs"] = 9
     rectangle["probes"] = [{"name": "P", "point": [1.0, 1.0], "rotations": True}]
     rectangle["conditions"] = [{"group": "DGAU", "zero": ["DZ"]}, {"group": "DDRO", "edge": "soft"}]
     rectangle["load"] = [
