@@ -195,7 +195,9 @@ def _parser() -> argparse.ArgumentParser:
         description="Measure the direct sweep on finer and finer meshes, on one rank and on two in both ways of sharing; write a page.",
     )
     scale.add_argument("scene", type=Path, nargs="?", default=REFERENCE, metavar="SCENE.toml", help="default: sdls119a.toml")
-    scale.add_argument("--out", type=Path, default=Path("docs/scaling.md"), metavar="FILE.md", help="default: %(default)s")
+    scale.add_argument("--out", type=Path, metavar="FILE.md", help="default: docs/scaling.md, with --peers docs/scaling-peers.md")
+    scale.add_argument("--peers", action="store_true",
+                       help="measure the reduced run beside OpenSeesPy instead, which is installed into a virtual environment in the cache")
     scale.add_argument("--quick", action="store_true", help="small meshes only")
     scale.add_argument("--measure", type=int, nargs=3, help=argparse.SUPPRESS)
     scale.add_argument("--measure-reduced", nargs=4, help=argparse.SUPPRESS)
@@ -458,9 +460,11 @@ def _scale(options: argparse.Namespace, begin: float) -> int:
     if not (options.measure or options.measure_reduced or options.measure_direct):
         if runtime.launched():
             raise ModelError("scale", "starts its own ranks; run it without mpirun")
-        from drivers.scaling import scaling
+        from drivers.scaling import beside_opensees, scaling
 
-        scaling(options.scene, scene, options.out, quick=options.quick)
+        measuring = beside_opensees if options.peers else scaling
+        out = options.out or Path("docs") / ("scaling-peers.md" if options.peers else "scaling.md")
+        measuring(options.scene, scene, out, quick=options.quick)
         return 0
     runtime.choose_scalars("real" if options.measure_reduced else "complex")
     with runtime.parallel() as comm:

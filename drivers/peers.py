@@ -81,6 +81,13 @@ def problem(scene: Scene, mesh: Mesh, steps: int) -> dict[str, Any]:
     }
 
 
+def on_points(given: dict[str, Any], scene: Scene) -> dict[str, Any]:
+    """Return the problem with the supports where the scene has them, not spread over the edge."""
+    own, feet = foot(scene), given["observed_nodes"]
+    stiffness = 1 / (1 / own.stiffness[1] + 1 / own.contact[1])
+    return given | {"held_sideways": feet, "contact_nodes": feet, "contact_stiffness": np.full(len(feet), stiffness)}
+
+
 def misfit(scene: Scene) -> str:
     """Return what of the scene the peers' model does not have; empty if nothing."""
     own, model, plate = foot(scene), scene.model, rectangle(scene)
@@ -127,15 +134,20 @@ def opensees() -> tuple[str | None, str]:
         return None, last[-1] if last else "no message"
 
 
-def run_peer(program: str, python: str, scene: Scene, mesh: Mesh, steps: int, measured: int) -> Measured:
-    """Run a peer in a process of its own. Raises `subprocess.CalledProcessError` if it fails."""
-    given = problem(scene, mesh, measured)
+def answer_of(program: str, python: str, given: dict[str, Any]) -> dict[str, np.ndarray]:
+    """Run a peer on a problem in a process of its own and return what it wrote. Raises `subprocess.CalledProcessError` if it fails."""
     with tempfile.TemporaryDirectory(prefix="uplift-peer-") as folder:
         files = [str(Path(folder) / name) for name in ("problem.npz", "answer.npz")]
         np.savez(files[0], **given)
         subprocess.run([python, str(SCRIPTS[program]), *files], check=True, capture_output=True, text=True)
         with np.load(files[1]) as loaded:
-            answer = dict(loaded)
+            return dict(loaded)
+
+
+def run_peer(program: str, python: str, scene: Scene, mesh: Mesh, steps: int, measured: int) -> Measured:
+    """Run a peer in a process of its own. Raises `subprocess.CalledProcessError` if it fails."""
+    given = problem(scene, mesh, measured)
+    answer = answer_of(program, python, given)
     tension = given["contact_stiffness"][given["observed_nodes"]] * answer["rise"]
     _, share = edge_shares(given["nodes"][:, 0].max(), len(given["held_sideways"]) - 1, 1)
     every = round(INSTANTS / MESH_STEP)

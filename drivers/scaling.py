@@ -22,6 +22,7 @@ from drivers.analysis import prepare
 from drivers.cost import refined
 from drivers.output import processor, versions, writable_folder
 from drivers.runtime import say
+from drivers.scaling_peers import compare_with_opensees
 from drivers.scaling_reduced import CHECKED, Direct, Reduced, reduced_rows
 from drivers.scene import Scene
 from meshes.checked import ModelError
@@ -117,6 +118,11 @@ def scaling(path: Path, scene: Scene, out: Path, *, quick: bool) -> None:
         say(_row(rows[-1]))
     out.write_text(page(rows, reduced, quick=quick), encoding="utf-8")
     say(f"page in {out}")
+
+
+def beside_opensees(path: Path, scene: Scene, out: Path, *, quick: bool) -> None:
+    """Measure the reduced run beside OpenSeesPy and write the page."""
+    compare_with_opensees(scene, partial(in_child, path, 1), out, quick=quick)
 
 
 def shortest(path: Path, factor: int, points: int, rounds: int) -> dict[str, Measured]:

@@ -120,12 +120,12 @@ def measure_reduced(scene: Scene, comm: Any, factor: int, full_steps: int, check
         response = FourierResponse(plant.operators, window, transfer)
         release = run.release[: window.samples]
         chosen = np.round(np.linspace(0.04, 1.0, checks) * (len(window.frequencies) - 1)).astype(int)
+        history = run.history(model).probes
         np.savez(
-            folder / FILE,
+            folder / FILE, history=history,
             frequencies=window.frequencies[chosen], drive=response.spectrum(release)[chosen],
             probes=response.probe_spectrum(release)[chosen],
         )
-        history = run.history(model).probes
         ratio, full = _full_march(plant, full_steps, every, basis.growth.seconds["factorisation"])
         compared = full_steps >= SHOWN
         ready, grown, projected, swept, marched = seconds
