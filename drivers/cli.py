@@ -55,6 +55,11 @@ def main(arguments: list[str]) -> int:
             raise
         _complain(f"the form cache is broken: {error}; remove {Path(error.path).parent}, which is made again")
         return FAILED
+    except TimeoutError as error:
+        if "JIT" not in str(error):
+            raise
+        _complain("another program compiles the same forms, or was killed while it did; run again in a minute")
+        return FAILED
     except KeyboardInterrupt:
         _complain("interrupted; nothing was written")
         return 130

@@ -191,17 +191,3 @@ def test_a_reader_that_leaves_ends_quietly(tmp_path):
     command = f"{sys.executable} -m drivers schema | head -n 1; echo ${{PIPESTATUS[0]}}"
     done = subprocess.run(["bash", "-c", command], cwd=ROOT, capture_output=True, text=True, timeout=60)
     assert (done.stdout, done.stderr) == ("# Scene files\n0\n", "")
-
-
-def test_a_broken_form_cache_is_named(tmp_path):
-    environment = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_COMM", "PMIX", "PRTE"))}
-    environment["XDG_CACHE_HOME"] = str(tmp_path)
-    command = [sys.executable, "-m", "drivers", "check", str(shipped()["sdls119a"])]
-    assert subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, timeout=120).returncode == 0
-    libraries = list(tmp_path.glob("fenics/*.so"))
-    assert libraries
-    for library in libraries:
-        library.write_bytes(b"junk")
-    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=120)
-    assert done.returncode == 1 and len(done.stderr.splitlines()) == 1, done.stderr
-    assert f"remove {tmp_path / 'fenics'}" in done.stderr
