@@ -335,8 +335,6 @@ def _run(options: argparse.Namespace, begin: float) -> int:
     scene = read_scene(options.scene)
     text = options.scene.read_text(encoding="utf-8")
     request = _request(options, scene)
-    for words in scene_warnings(scene):
-        log.warning(words)
     if options.groups is not None and request.method != "time-frequency":
         raise ModelError("--groups", f"shares the points of a sweep, and the method {request.method} has none")
     if options.solver == "iterative" and request.method != "transient":
@@ -350,6 +348,8 @@ def _run(options: argparse.Namespace, begin: float) -> int:
         from drivers.methods import analyse
         from drivers.report import printed_values, write_run
 
+        for words in scene_warnings(scene, request.method):
+            log.warning(words)
         start_up = time.perf_counter() - begin
         run = identity(scene, options.scene.parent, request, options.solver)
         need = check_memory(scene, request, comm, groups=options.groups, limit=options.memory)

@@ -40,7 +40,7 @@ def check(home):
 def filled(tmp_path_factory):
     """A cache that two runs have filled at once, and how they ended."""
     home = tmp_path_factory.mktemp("cache é")
-    runs = [start(home, "run", shipped()["sdls119a"], "--method", "static", "--no-plots", "--quiet", "--out", home / name) for name in "ab"]
+    runs = [start(home, "run", shipped()["sdls119a"], "--no-plots", "--quiet", "--out", home / name) for name in "ab"]
     return home, [ended(run) for run in runs]
 
 
