@@ -1,8 +1,10 @@
 """Scene, CSV and mesh files with mistakes made at random: each ends in a result or in one line, soon and in little memory.
 
-The environment variable UPLIFT_MUTATIONS sets how many files there are, 300 where it is not set; a sixth of them are meshes.
+The environment variable UPLIFT_MUTATIONS sets how many files there are, 300 where it is not set; a sixth of them are meshes. A tenth as
+many tables of joined plates are meshed, assembled and brought to rest.
 """
 
+import json
 import os
 import resource
 import signal
@@ -21,6 +23,7 @@ from drivers.scene_warnings import scene_warnings
 from meshes.checked import ModelError
 from tests.drivers.test_schema import RECTANGLE
 from tests.mutations import generator, mutated
+from tests.plate_mutations import KILOBYTES
 
 pytestmark = pytest.mark.serial
 
@@ -159,6 +162,18 @@ def test_meshes(tmp_path):
     assert done.returncode == 0 and len(lines) == len(files), (files[len(lines)], done.stderr[-500:])
     assert lines[:4] == ["result 32"] * 4
     assert {line.split()[0] for line in lines[4:]} == {"result", "error"}
+
+
+def test_joined_plates():
+    numbers = [str(number) for number in range(MANY // 10)]
+    environment = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_COMM", "PMIX", "PRTE"))} | {"PYTHONPATH": str(ROOT)}
+    command = [sys.executable, "-m", "tests.plate_mutations", *numbers]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=60 + 10 * len(numbers))
+    lines = [json.loads(line) for line in done.stdout.splitlines()]
+    assert done.returncode == 0 and len(lines) == len(numbers), (f"mutation {len(lines)}", done.stderr[-1000:])
+    for line in lines:
+        assert line["kB"] < KILOBYTES and (line.get("result") or len(line["error"].splitlines()) == 1), line
+    assert 0.1 * len(lines) < sum("error" in line for line in lines) < 0.9 * len(lines)
 
 
 def test_folder_is_kept_from_a_second_run(tmp_path):
