@@ -89,7 +89,7 @@ def test_new_copies_a_shipped_scene_once(tmp_path):
 
 
 def test_new_names_what_it_cannot_do(tmp_path):
-    with pytest.raises(ModelError, match="expected one of box, raft, sdls119-shell, sdls119a, sdls119b, got 'sdls'"):
+    with pytest.raises(ModelError, match=f"expected one of {', '.join(shipped())}, got 'sdls'"):
         new_scene(tmp_path / "x", "sdls")
     with pytest.raises(ModelError, match="No such file or directory"):
         new_scene(tmp_path / "none" / "x", "raft")
