@@ -177,6 +177,10 @@ def _cells(mesh, rng):
     mesh.update(rng.choice([{"cell": "triangle"}, {"cell": "hexagon"}, {"cell": 3}, *({"degree": d} for d in (1, 2, 3, 4, 0, "2"))]))
 
 
+def _dofs(mesh, rng):
+    mesh["dofs"] = rng.choice([0, -1, 1, 3000, 100_000, 10**9, 10**18, 1e300, "x"])
+
+
 def _scale(mesh, rng):
     factor, axes = rng.choice([1e-12, 1e-6, 1e-3, 1e3, 1e6, 1e12]), rng.choice([(0, 1, 2), (0,), (1,), (2,)])
     for plate in mesh["plates"]:
@@ -188,7 +192,7 @@ def _scale(mesh, rng):
 
 
 WAYS = [_number, _nudge, _nudge, _double, _drop, _swap, _reverse, _along, _along, _collinear, _hole, _hole, _hole, _size, _again, _again,
-        _cross, _cross, _less, _edges, _rename, _points, _cells, _scale]
+        _cross, _cross, _less, _edges, _rename, _points, _cells, _dofs, _scale]
 
 
 def slow(number, frame):
