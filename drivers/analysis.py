@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from drivers.form_cache import form_cache
 from drivers.runtime import form_compiler, silent_compiler
 from drivers.scene import Scene
 from forms.kinematics import choose, degree_of
@@ -126,7 +127,7 @@ def prepare(scene: Scene, comm: Any) -> Plant:
     with clock.phase("mesh"):
         tagged = build_mesh(comm, source, layout)
     degree = degree_of(kind, source.degree, tagged.mesh.ufl_domain().ufl_cell().cellname())
-    with clock.phase("forms and compilation"), silent_compiler():
+    with clock.phase("forms and compilation"), form_cache(comm), silent_compiler():
         compiled = compile_plate(
             tagged, kind, degree, form_compiler(comm),
             rotary_inertia=scene.kinematics.rotary_inertia, pressure=bool(model.pressures),

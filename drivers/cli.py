@@ -55,6 +55,11 @@ def main(arguments: list[str]) -> int:
             raise
         _complain(f"the form cache is broken: {error}; remove {Path(error.path).parent}, which is made again")
         return FAILED
+    except TimeoutError as error:
+        if "JIT" not in str(error):
+            raise
+        _complain("another program compiles the same forms, or was killed while it did; run again in a minute")
+        return FAILED
     except KeyboardInterrupt:
         _complain("interrupted; nothing was written")
         return 130
@@ -145,22 +150,27 @@ def _parser() -> argparse.ArgumentParser:
     truncation.add_argument("--quiet", action="store_true", help="print errors only")
     truncation.set_defaults(command=_truncation)
     report = commands.add_parser(
-        "report", help="make the report of a run again", description="Make the page of a run from its results file alone.",
+        "report", help="make the report of a run again",
+        description="Make the page of a run from its results file alone, in place of the page beside the results or as another file.",
     )
     report.add_argument("results", type=Path, metavar="RESULTS", help="a results file, or the folder of a run")
-    report.add_argument("--out", type=Path, metavar="FILE.html", help="default: report.html beside the results")
+    report.add_argument("--out", type=Path, metavar="FILE.html",
+                        help="default: report.html beside the results, whose older page is replaced; no other file is, if it is there")
+    report.add_argument("--overwrite", action="store_true", help="write over FILE.html, whatever it is")
     report.add_argument("--damping", type=_percent, nargs="+", metavar="PERCENT", help="damping of the floor spectra (default: 2 5 10)")
     report.set_defaults(command=_report)
 
     compare = commands.add_parser(
         "compare", help="compare two runs",
-        description="Tabulate the differences of two runs, B against A, and write a page with both over each other.",
+        description="Tabulate the differences of two runs, B against A, and write a page with both over each other, into a folder that "
+                    "holds no other comparison.",
     )
     compare.add_argument("first", type=Path, metavar="A", help="a results file, or the folder of a run")
     compare.add_argument("second", type=Path, metavar="B", help="another one")
     compare.add_argument("--out", type=Path, default=Path("results/compare"), metavar="DIR", help="default: %(default)s")
     compare.add_argument("--tolerance", type=_positive, metavar="TOL",
                          help="exit code 1 if a probe's displacement differs by more, relative to its largest value")
+    compare.add_argument("--overwrite", action="store_true", help="write over the comparison that the folder holds")
     compare.add_argument("--no-plots", action="store_true", help="draw no picture")
     compare.set_defaults(command=_compare)
 
@@ -332,8 +342,6 @@ def _run(options: argparse.Namespace, begin: float) -> int:
     scene = read_scene(options.scene)
     text = options.scene.read_text(encoding="utf-8")
     request = _request(options, scene)
-    for words in scene_warnings(scene):
-        log.warning(words)
     if options.groups is not None and request.method != "time-frequency":
         raise ModelError("--groups", f"shares the points of a sweep, and the method {request.method} has none")
     if options.solver == "iterative" and request.method != "transient":
@@ -347,6 +355,8 @@ def _run(options: argparse.Namespace, begin: float) -> int:
         from drivers.methods import analyse
         from drivers.report import printed_values, write_run
 
+        for words in scene_warnings(scene, request.method):
+            log.warning(words)
         start_up = time.perf_counter() - begin
         run = identity(scene, options.scene.parent, request, options.solver)
         need = check_memory(scene, request, comm, groups=options.groups, limit=options.memory)
@@ -382,28 +392,30 @@ def _respond(plant: Plant, out: Path, options: argparse.Namespace) -> int:
 
 
 def _report(options: argparse.Namespace, begin: float) -> int:
-    from drivers.output import writable_folder
+    from drivers.output import all_or_nothing, replaceable_file
     from drivers.report_html import NAME, write_report
     from drivers.results_file import find_results, read_results
 
     results = read_results(options.results)
     if options.damping:
         results = results.with_spectra(tuple(options.damping))
-    out = options.out or find_results(options.results).with_name(NAME)
-    writable_folder(out.absolute().parent)
-    write_report(out, results)
+    usual = find_results(options.results).with_name(NAME)
+    out = options.out or usual
+    replaceable_file(out, overwrite=options.overwrite or out.absolute() == usual.absolute())
+    with all_or_nothing(out.absolute().parent) as staging:
+        write_report(staging / out.name, results)
     runtime.say(str(out))
     return 0
 
 
 def _compare(options: argparse.Namespace, begin: float) -> int:
-    from drivers.compare import compare, write_comparison
-    from drivers.output import writable_folder
+    from drivers.compare import PAGE, compare, write_comparison
+    from drivers.output import claimed_folder
     from drivers.results_file import read_results
 
     comparison = compare(read_results(options.first), read_results(options.second), (str(options.first), str(options.second)))
-    writable_folder(options.out)
-    write_comparison(options.out, comparison, plots=not options.no_plots)
+    with claimed_folder(options.out, overwrite=options.overwrite, mark=PAGE, held="another comparison"):
+        write_comparison(options.out, comparison, plots=not options.no_plots)
     runtime.say("\n".join(comparison.lines()) + f"\nfiles in {options.out}")
     return FAILED if options.tolerance is not None and comparison.worst() > options.tolerance else 0
 

@@ -17,6 +17,9 @@ from drivers.report_html_words import number, scale_for, written
 from drivers.results import Results, Series, floor_acceleration
 from meshes.checked import ModelError
 
+PAGE = "compare.html"
+"""What every folder of a comparison holds."""
+
 SAME = 1e-9
 """Instants that differ by less than this part of the time between them are the same."""
 
@@ -255,7 +258,7 @@ def write_comparison(folder: Path, comparison: Comparison, *, plots: bool) -> No
                 size = float(np.max(np.abs(pair.first)))
                 numbers = (size, pair.largest, pair.when, pair.relative_largest, pair.rms, pair.relative_rms)
                 writer.writerow([pair.path, pair.name, pair.unit, *(repr(float(value)) for value in numbers)])
-        (staging / "compare.html").write_text(comparison_page(comparison), encoding="utf-8")
+        (staging / PAGE).write_text(comparison_page(comparison), encoding="utf-8")
         if plots:
             _draw(staging / "compare.png", comparison)
 

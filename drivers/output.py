@@ -34,11 +34,12 @@ SUMMARY = "summary.json"
 
 
 @contextmanager
-def claimed_folder(path: Path, *, overwrite: bool) -> Iterator[None]:
+def claimed_folder(path: Path, *, overwrite: bool, mark: str = SUMMARY, held: str = "the results of a run") -> Iterator[None]:
     """Make the folder and keep other runs out of it until the block ends; on rank 0 alone, the others pass.
 
     The lock is on the folder itself and leaves nothing behind; a file system that knows no locks goes without. Raises `ModelError` if
-    the folder cannot be written, if a run is writing into it, or if it holds results and they are not to be overwritten.
+    the folder cannot be written, if a run is writing into it, or if it holds the file `mark`, which says that `held` is there, and that
+    is not to be overwritten.
     """
     if launch_rank() != 0:
         yield
@@ -52,8 +53,8 @@ def claimed_folder(path: Path, *, overwrite: bool) -> Iterator[None]:
             raise ModelError("--out", f"another run is writing into {path}; wait for it or name another folder") from None
         except OSError:
             pass
-        if (path / SUMMARY).exists() and not overwrite:
-            raise ModelError("--out", f"{path} holds the results of a run; name another folder, or add --overwrite")
+        if (path / mark).exists() and not overwrite:
+            raise ModelError("--out", f"{path} holds {held}; name another folder, or add --overwrite")
         yield
     finally:
         os.close(handle)
@@ -69,6 +70,15 @@ def all_or_nothing(folder: Path) -> Iterator[Path]:
             path.replace(folder / path.name)
     finally:
         shutil.rmtree(staging, ignore_errors=True)
+
+
+def replaceable_file(path: Path, *, overwrite: bool) -> None:
+    """See that a file can be written there. Raises `ModelError` for a folder, and for a file that is not to be overwritten."""
+    if path.is_dir():
+        raise ModelError("--out", f"{path} is a folder; expected the name of a file")
+    if path.exists() and not overwrite:
+        raise ModelError("--out", f"{path} is there already; name another file, or add --overwrite")
+    writable_folder(path.absolute().parent)
 
 
 def write_history(path: Path, times: np.ndarray, names: tuple[str, ...], values: np.ndarray) -> None:

@@ -39,7 +39,7 @@ def expected_dofs(mesh: MeshSource, stated: Kinematics, model: PlateModel) -> in
     if isinstance(mesh, Plate):
         nodes = float((mesh.nx * degree + 1) * (mesh.ny * degree + 1))
     else:
-        cells = mesh.path.stat().st_size / BYTES_A_CELL if isinstance(mesh, MeshFile) else mesh.area / mesh.size**2
+        cells = mesh.path.stat().st_size / BYTES_A_CELL if isinstance(mesh, MeshFile) else mesh.cells
         nodes = cells * degree**2 + 2 * cells**0.5 * degree + 1
     return int(len(AXES_OF[kind]) * nodes)
 

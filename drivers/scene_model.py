@@ -12,7 +12,7 @@ from drivers.scene_mesh import one_point, places, point_of
 from drivers.scene_table import Table
 from forms.material import Material
 from forms.parameters import Condition, Force, GroundMotion, Mass, Part, PlateModel, Pressure, Probe
-from forms.signals import Noise, Ricker, Signal, Sine, Step, Sweep, read_accelerogram, tabulate
+from forms.signals import LARGEST, Noise, Ricker, Signal, Sine, Step, Sweep, read_accelerogram, tabulate
 from forms.signals import Table as TimeTable
 from forms.supports import AXES, TRANSLATIONS, Spring, Support
 from meshes.checked import Checked, ModelError, quantity
@@ -35,7 +35,7 @@ class Gravity(Checked):
 class Tabulated(Checked):
     """A signal replaced by a table of its values, linear between them, as published cases have it."""
 
-    table_step: float | None = quantity("step of the table; none: the smooth signal", "s", default=None, above=0.0)
+    table_step: float | None = quantity("step of the table; none: the smooth signal", "s", default=None, above=0.0, at_most=LARGEST)
     table_digits: int = quantity("significant digits of the table, rounded up", default=17, at_least=1, at_most=17)
 
 

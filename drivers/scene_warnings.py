@@ -23,17 +23,20 @@ MANY = 2**20
 """Values of a signal that are looked at, at most."""
 
 
-def scene_warnings(scene: Scene) -> list[str]:
-    """Return what is doubtful about a scene that can be run, a line each."""
-    model, found = scene.model, []
-    if scene.transient is not None and not list(_signals(scene)):
+def scene_warnings(scene: Scene, method: str = "") -> list[str]:
+    """Return what is doubtful about a scene that can be run, a line each; by `method` if it is named, else by the scene's own."""
+    model, found, signals = scene.model, [], list(_signals(scene))
+    in_time = (method or scene.run.method) != "static"
+    if not in_time and signals:
+        found.append(f"the method static leaves out what acts in time, as its signal says: {', '.join(name for name, _ in signals)}")
+    if in_time and scene.transient is not None and not signals:
         found.append("nothing acts in time: there is no [load] with a signal")
     lifting = [support for support in model.supports if support.unilateral]
     static = [load for load in _loads(scene) if load.signal is None]
     pressed = model.gravity != 0 or static or any(support.preload for support in lifting)
     if lifting and not pressed:
         found.append("nothing presses the plate on its supports: without [gravity] or a preload the contacts carry no force at rest")
-    for name, signal in _signals(scene):
+    for name, signal in signals if in_time else []:
         found += [f"{name}: {words}" for words in _against_steps(scene, signal)]
     return found
 

@@ -138,7 +138,7 @@ def sections() -> list[Section]:
         Section("mesh.plates", "[[mesh.plates]]", _doc(Panel), of(
             Panel,
             corners=Key("corners", "an array of points [x, y, z]", "in order around the plate", "m", range="at least 3, in one plane"),
-            holes=Key("holes", "an array of arrays of points", "corners of each hole", "m", None),
+            holes=Key("holes", "an array of arrays of points", "corners of each hole", "m", None, range="inside the plate, apart"),
             edge_names=Key("edges", tuple[str, ...], "a name for each edge, first that from corner 1 to 2; else NAME.1, ...", default=()),
         ), listed=True),
         Section("mesh", "[mesh] from a file", "Triangles or quadrilaterals with named groups.", (

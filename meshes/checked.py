@@ -11,8 +11,8 @@ class ModelError(ValueError):
     """What a model asks for cannot be: `key` names the parameter, the message what was expected of it."""
 
     def __init__(self, key: str, message: str) -> None:
-        """Keep the key apart from the message, so that a driver can put the file's name before both."""
-        super().__init__(f"{key}: {message}" if key else message)
+        """Keep the key apart from the message, so that a driver can put the file's name before both; names in it may hold line breaks."""
+        super().__init__(" ".join((f"{key}: {message}" if key else message).splitlines()))
         self.key = key
         self.message = message
 

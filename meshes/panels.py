@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -11,13 +12,23 @@ from typing import Any
 import numpy as np
 
 from meshes.checked import Checked, ModelError, quantity
+from meshes.outlines import TOUCHING, area_vector, check_outlines
 from meshes.plate import MOST_CELLS, Point, gmsh_session
 
-TOUCHING = 1e-7
-"""Points closer than this part of the extent are one."""
+log = logging.getLogger(__name__)
 
 INNER_NODES = {1: (), 2: (0.5,), 3: (0.5 - 0.2236067977499790, 0.5 + 0.2236067977499790)}
 """Places of the inner nodes of an edge by degree: the Gauss-Lobatto points."""
+
+
+LEAST = 1e-5
+"""m; what is closer than 1e-7 m is one to the geometry kernel."""
+
+FOLDED = 1e-6
+"""Part of the area by which cells may miss the plates."""
+
+TINY = 10 * TOUCHING
+"""Of the extent: edges and cells must be longer, so that their ends can be told apart."""
 
 
 @dataclass(frozen=True)
@@ -31,32 +42,20 @@ class Panel(Checked):
 
     def check(self) -> None:
         """Refuse what is no flat polygon."""
-        if len(self.corners) < 3:
-            raise ModelError("corners", f"expected at least 3, got {len(self.corners)}")
+        check_outlines(np.array(self.corners).reshape(-1, 3), [np.array(hole).reshape(-1, 3) for hole in self.holes])
         if self.edge_names and len(self.edge_names) != len(self.corners):
             raise ModelError("edges", f"expected {len(self.corners)} names, one an edge, got {len(self.edge_names)}")
-        outline = np.array(self.corners)
-        extent = float(np.ptp(outline, axis=0).max())
-        normal = _area_vector(outline)
-        if not np.linalg.norm(normal) > TOUCHING * extent**2:
-            raise ModelError("corners", "expected corners around an area, these lie on a line or on a point")
-        normal /= np.linalg.norm(normal)
-        if np.max(np.abs((outline - outline[0]) @ normal)) > TOUCHING * extent:
-            raise ModelError("corners", "expected corners in one plane")
-        if _crosses_itself(outline, normal):
-            raise ModelError("corners", "expected corners in order around the plate, these edges cross or meet")
-        for number, hole in enumerate(self.holes, start=1):
-            if len(hole) < 3:
-                raise ModelError(f"holes[{number}]", f"expected at least 3 corners, got {len(hole)}")
-            if np.max(np.abs((np.array(hole) - outline[0]) @ normal)) > TOUCHING * extent:
-                raise ModelError(f"holes[{number}]", "expected corners in the plane of the plate")
 
     @property
-    def edges(self) -> dict[str, tuple[Point, Point]]:
-        """Ends in m of each edge by its name."""
+    def area(self) -> float:
+        """Area in m2, holes included."""
+        return float(np.linalg.norm(area_vector(np.array(self.corners))))
+
+    @property
+    def sides(self) -> list[tuple[str, Point, Point]]:
+        """Name of each edge and its ends in m, in the order of the corners; several edges may bear one name."""
         names = self.edge_names or tuple(f"{self.name}.{i + 1}" for i in range(len(self.corners)))
-        around = zip(self.corners, self.corners[1:] + self.corners[:1], strict=True)
-        return dict(zip(names, around, strict=True))
+        return list(zip(names, self.corners, self.corners[1:] + self.corners[:1], strict=True))
 
 
 @dataclass(frozen=True)
@@ -78,14 +77,30 @@ class Panels(Checked):
         for name in names:
             if names.count(name) > 1:
                 raise ModelError("plates", f"expected different names, {name!r} is there twice")
-        sides = self.area**0.5 / self.size
-        if sides > MOST_CELLS**0.5:
+        for plate in self.plates:
+            for name, _, _ in plate.sides:
+                if name in names:
+                    raise ModelError(f"plates[{plate.name}].edges", f"expected a name that no plate has, got {name!r}")
+        if not self.cells <= MOST_CELLS:
             raise ModelError("size", f"expected at most {MOST_CELLS:.0e} cells, {self.size:g} m makes more")
+        shortest = min(math.dist(start, end) for plate in self.plates for _, start, end in plate.sides)
+        least = max(TINY * self.extent, LEAST)
+        if not min(shortest, self.size) > least:
+            raise ModelError(
+                "plates", f"expected edges and cells longer than {least:g} m, where all plates together extend over {self.extent:g} m; "
+                f"the shortest edge is {shortest:g} m, a cell {self.size:g} m"
+            )
 
     @property
     def area(self) -> float:
         """Area in m2, holes included."""
-        return sum(float(np.linalg.norm(_area_vector(np.array(plate.corners)))) for plate in self.plates)
+        return sum(plate.area for plate in self.plates)
+
+    @property
+    def cells(self) -> float:
+        """How many cells it takes, near enough; of a strip narrower than a cell as many as fit along it."""
+        along = [sum(math.dist(start, end) for _, start, end in plate.sides) / 2 for plate in self.plates]
+        return sum(max(p.area / self.size / self.size, length / self.size) for p, length in zip(self.plates, along, strict=True))
 
     @property
     def corners(self) -> dict[str, Point]:
@@ -97,8 +112,8 @@ class Panels(Checked):
         """Ends in m of each edge of each plate; of edges of one name the first."""
         result: dict[str, tuple[Point, Point]] = {}
         for plate in self.plates:
-            for name, ends in plate.edges.items():
-                result.setdefault(name, ends)
+            for name, *ends in plate.sides:
+                result.setdefault(name, (ends[0], ends[1]))
         return result
 
     @property
@@ -110,29 +125,6 @@ class Panels(Checked):
     def extent(self) -> float:
         """The longest side in m of the box that holds all plates."""
         return float(np.ptp(np.concatenate([np.array(plate.corners) for plate in self.plates]), axis=0).max())
-
-
-def _area_vector(outline: np.ndarray) -> np.ndarray:
-    """Return the normal of a polygon (n, 3), of the length of its area."""
-    arms = outline - outline[0]
-    return 0.5 * np.sum(np.cross(arms, np.roll(arms, -1, axis=0)), axis=0)
-
-
-def _crosses_itself(outline: np.ndarray, normal: np.ndarray) -> bool:
-    """Tell whether two edges of a flat polygon (n, 3) that are not neighbours meet."""
-    first = outline[1] - outline[0]
-    flat = np.stack([outline @ first, outline @ np.cross(normal, first)], axis=1)
-    n = len(flat)
-
-    def side(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> float:
-        return float((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
-
-    for i in range(n):
-        for j in range(i + 2, n - (i == 0)):
-            a, b, c, d = flat[i], flat[(i + 1) % n], flat[j], flat[(j + 1) % n]
-            if side(a, b, c) * side(a, b, d) <= 0 and side(c, d, a) * side(c, d, b) <= 0:
-                return True
-    return False
 
 
 def on_segment(points: np.ndarray, start: Point, end: Point, tolerance: float) -> np.ndarray:
@@ -154,25 +146,46 @@ def panels_model(panels: Panels) -> Iterator[tuple[Any, dict[str, list[tuple[int
     tolerance = TOUCHING * panels.extent
     on_rim = np.zeros(len(wanted), dtype=bool)
     for plate in panels.plates:
-        for start, end in plate.edges.values():
+        for _, start, end in plate.sides:
             on_rim |= on_segment(wanted, start, end, tolerance)
     with gmsh_session() as gmsh:
-        # Where the points on the edges are nodes of the regular divisions they need not cut them into pieces.
-        for cut in (False, True):
-            groups = _geometry(gmsh, panels, wanted[on_rim] if cut else wanted[:0], tolerance)
-            plan = _plan(gmsh.model, panels, wanted[~on_rim], tolerance)
-            if cut or (plan.coarser == 1 and _all_stations(gmsh.model, plan.divisions, wanted[on_rim], panels.degree or 1, tolerance)):
-                break
-            gmsh.model.remove()
-        _mesh(gmsh, panels, plan)
+        try:
+            groups = _meshed(gmsh, panels, wanted, on_rim, tolerance)
+        except Exception as error:
+            if type(error) is not Exception:
+                raise
+            # What gmsh raises is of no class of its own.
+            raise ModelError("mesh.plates", f"gmsh cannot mesh these plates: {' '.join(str(error).split())}") from None
         yield gmsh.model, groups
+
+
+def _meshed(gmsh: Any, panels: Panels, wanted: np.ndarray, on_rim: np.ndarray, tolerance: float) -> dict[str, list[tuple[int, int]]]:
+    """Mesh the plates with nodes at the points `wanted` (n, 3) m, of which those `on_rim` lie on edges; return the groups."""
+    # Where the points on the edges are nodes of the regular divisions they need not cut them into pieces.
+    for cut in (False, True):
+        groups = _geometry(gmsh, panels, wanted[on_rim] if cut else wanted[:0], tolerance)
+        plan = _plan(gmsh.model, panels, wanted[~on_rim], tolerance)
+        if cut or (plan.coarser == 1 and _all_stations(gmsh.model, plan.divisions, wanted[on_rim], panels.degree or 1, tolerance)):
+            break
+        gmsh.model.remove()
+    _warn_of_overlaps([plate.name for plate in panels.plates], groups)
+    _mesh(gmsh, panels, plan)
+    _check_cells(gmsh.model, tolerance)
+    return groups
+
+
+def _warn_of_overlaps(names: list[str], groups: dict[str, list[tuple[int, int]]]) -> None:
+    for i, one in enumerate(names):
+        for other in names[:i]:
+            if not set(groups[one]).isdisjoint(groups[other]):
+                log.warning("the plates %r and %r lie on each other, in part or whole; what both cover is there once", other, one)
 
 
 def _geometry(gmsh: Any, panels: Panels, splitting: np.ndarray, tolerance: float) -> dict[str, list[tuple[int, int]]]:
     """Make the plates, joined where they touch and their edges cut at the points `splitting` (n, 3) m; return their groups."""
     model, occ = gmsh.model, gmsh.model.occ
     model.add("plates")
-    surfaces = [(2, occ.addPlaneSurface([_loop(occ, c) for c in (plate.corners, *plate.holes)])) for plate in panels.plates]
+    surfaces = [(2, occ.addPlaneSurface([_loop(occ, outline) for outline in _outlines(plate)])) for plate in panels.plates]
     tools = surfaces[1:] + [(0, occ.addPoint(*point)) for point in splitting]
     pieces = occ.fragment(surfaces[:1], tools)[1] if tools else [surfaces]
     occ.synchronize()
@@ -181,6 +194,13 @@ def _geometry(gmsh: Any, panels: Panels, splitting: np.ndarray, tolerance: float
         groups.setdefault(plate.name, []).extend(made)
         _name_edges(model, plate, made, groups, tolerance)
     return groups
+
+
+def _outlines(plate: Panel) -> Iterator[tuple[Point, ...]]:
+    """Give the corners and those of the holes, all turning the same way, which gmsh counts on."""
+    normal = area_vector(np.array(plate.corners))
+    for outline in (plate.corners, *plate.holes):
+        yield outline if area_vector(np.array(outline)) @ normal > 0 else outline[::-1]
 
 
 def _loop(occ: Any, corners: tuple[Point, ...]) -> int:
@@ -198,7 +218,7 @@ def _name_edges(
     model: Any, plate: Panel, surfaces: list[tuple[int, int]], groups: dict[str, list[tuple[int, int]]], tolerance: float
 ) -> None:
     rim = {abs(tag) for _, tag in model.getBoundary(surfaces, combined=False)}
-    for name, (start, end) in plate.edges.items():
+    for name, start, end in plate.sides:
         curves = groups.setdefault(name, [])
         for tag in sorted(rim):
             if np.all(on_segment(_ends(model, tag), start, end, tolerance)) and (1, tag) not in curves:
@@ -251,9 +271,35 @@ def _mesh(gmsh: Any, panels: Panels, plan: _Plan) -> None:
         if tags:
             model.mesh.embed(0, tags, 2, surface)
     if panels.cell == "quadrilateral":
+        if any(len(points) for points in plan.loose.values()):
+            # The usual algorithm, Blossom, folds cells around nodes that it has to keep.
+            gmsh.option.setNumber("Mesh.RecombinationAlgorithm", 0)
         for _, surface in model.getEntities(2):
             model.mesh.setRecombine(2, surface)
     model.mesh.generate(2)
+
+
+def _check_cells(model: Any, tolerance: float) -> None:
+    """Raise `ModelError` unless the cells are convex, all of one shape, and cover the plates once."""
+    tags, coordinates, _ = model.mesh.getNodes()
+    place = np.zeros(int(tags.max()) + 1, dtype=int)
+    place[tags.astype(int)] = np.arange(len(tags))
+    covered, convex, centres = 0.0, len(model.mesh.getElementTypes(2)) == 1, {}
+    for _, surface in model.getEntities(2):
+        for numbers, nodes in zip(*model.mesh.getElements(2, surface)[1:], strict=True):
+            corners = coordinates.reshape(-1, 3)[place[nodes.astype(int)]].reshape(len(numbers), -1, 3)
+            arms = np.roll(corners, -1, axis=1) - corners
+            turns = np.cross(np.roll(arms, 1, axis=1), arms)
+            areas = 0.5 * np.cross(corners[:, 1] - corners[:, -1], corners[:, -2] - corners[:, 0])
+            convex = convex and bool(np.all(np.sum(turns * areas[:, None], axis=2) > 0))
+            covered += float(np.sum(np.linalg.norm(areas, axis=1)))
+            centres[surface] = corners.mean(axis=1)
+    whole = sum(model.occ.getMass(2, surface) for _, surface in model.getEntities(2))
+    if not convex or abs(covered - whole) > FOLDED * whole:
+        raise ModelError("mesh.plates", "gmsh makes cells that are folded or of several shapes; another size, or cell = 'triangle'")
+    for surface in centres if len(centres) > 1 else ():
+        if np.any(_within(model, surface, np.concatenate([own for other, own in centres.items() if other != surface]), tolerance)):
+            raise ModelError("mesh.plates", "some plates lie on each other, and gmsh cannot join them; let none cover another")
 
 
 def _stations(start: float, end: float, divisions: int, degree: int) -> np.ndarray:

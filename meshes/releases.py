@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import importlib
 from functools import partial
+from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
 import dolfinx
 import dolfinx.fem
 import dolfinx.fem.petsc
+import dolfinx.jit
 import numpy as np
 from dolfinx.io import gmshio
 
@@ -17,6 +19,7 @@ from meshes.partition import keep_joints_whole, ranks_at_vertices
 
 # What one release lacks is no error to a type checker that sees the other.
 _fem: Any = dolfinx.fem
+_jit: Any = dolfinx.jit
 _geometry: Any = importlib.import_module("dolfinx.geometry")
 _gmshio: Any = gmshio
 _mesh: Any = importlib.import_module("dolfinx.mesh")
@@ -35,6 +38,11 @@ def compile_form(form: Any, cache_dir: str | None = None) -> Any:
     options = {} if cache_dir is None else {"cache_dir": cache_dir}
     keywords: dict[str, Any] = {"jit_params" if _OLD else "jit_options": options}
     return dolfinx.fem.form(form, **keywords)
+
+
+def form_cache_folder() -> Path:
+    """Return the folder in which compiled forms are kept."""
+    return Path((_jit.get_parameters if _OLD else _jit.get_options)()["cache_dir"])
 
 
 def distribute(model: Any, comm: Any, gdim: int) -> tuple[Any, Any, Any]:

@@ -118,9 +118,43 @@ def test_the_command(tmp_path):
     with (tmp_path / "out" / "compare.csv").open(newline="", encoding="utf-8") as file:
         (row,) = csv.DictReader(file)
     assert float(row["relative rms"]) == pytest.approx(0.25, rel=1e-12) and row["unit"] == "m"
-    loose, tight = (drivers("compare", tmp_path / "a b.h5", tmp_path / "é.h5", "--out", tmp_path / "out", "--no-plots", "--tolerance", t)
-                    for t in ("0.3", "0.2"))
+    again = ("compare", tmp_path / "a b.h5", tmp_path / "é.h5", "--out", tmp_path / "out", "--no-plots")
+    loose, tight = (drivers(*again, "--overwrite", "--tolerance", t) for t in ("0.3", "0.2"))
     assert (loose.returncode, tight.returncode) == (0, 1)
+
+
+def test_a_comparison_is_kept_unless_it_may_be_overwritten(tmp_path):
+    times = np.linspace(0, 1, 11)
+    for name in NAMES:
+        write_results(tmp_path / name, made(times, times))
+    kept = tmp_path / "out" / "compare.html"
+    kept.parent.mkdir()
+    kept.write_text("kept", encoding="utf-8")
+    command = ("compare", *(tmp_path / name for name in NAMES), "--no-plots", "--out", kept.parent)
+    done = drivers(*command)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == f"uplift: --out: {kept.parent} holds another comparison; name another folder, or add --overwrite\n"
+    assert [path.name for path in kept.parent.iterdir()] == ["compare.html"] and kept.read_text(encoding="utf-8") == "kept"
+    assert drivers(*command, "--overwrite").returncode == 0
+    assert "Comparison of two runs" in kept.read_text(encoding="utf-8")
+
+
+def test_a_report_replaces_the_page_of_its_run_and_no_other_file(tmp_path):
+    times = np.linspace(0, 1, 11)
+    write_results(tmp_path / "results.h5", made(times, times))
+    page, other = tmp_path / "report.html", tmp_path / "other.html"
+    for path in (page, other):
+        path.write_text("old", encoding="utf-8")
+    assert drivers("report", tmp_path).returncode == 0 and "<html" in page.read_text(encoding="utf-8")
+    assert drivers("report", tmp_path, "--out", page).returncode == 0
+    for out, words in ((other, "is there already"), (tmp_path / "results.h5", "is there already"), (tmp_path, "is a folder")):
+        data = (tmp_path / "results.h5").read_bytes()
+        done = drivers("report", tmp_path, "--out", out)
+        assert done.returncode == 2 and done.stderr.startswith(f"uplift: --out: {out} {words}") and done.stderr.count("\n") == 1
+        assert (tmp_path / "results.h5").read_bytes() == data
+    assert other.read_text(encoding="utf-8") == "old"
+    assert drivers("report", tmp_path, "--out", other, "--overwrite").returncode == 0 and "<html" in other.read_text(encoding="utf-8")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["other.html", "report.html", "results.h5"]
 
 
 def test_what_is_no_run_is_one_line_and_code_2(tmp_path):

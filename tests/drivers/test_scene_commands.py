@@ -1,5 +1,6 @@
 """The commands check and new."""
 
+import json
 import os
 import re
 import subprocess
@@ -88,7 +89,7 @@ def test_new_copies_a_shipped_scene_once(tmp_path):
 
 
 def test_new_names_what_it_cannot_do(tmp_path):
-    with pytest.raises(ModelError, match="expected one of box, raft, sdls119-shell, sdls119a, sdls119b, got 'sdls'"):
+    with pytest.raises(ModelError, match=f"expected one of {', '.join(shipped())}, got 'sdls'"):
         new_scene(tmp_path / "x", "sdls")
     with pytest.raises(ModelError, match="No such file or directory"):
         new_scene(tmp_path / "none" / "x", "raft")
@@ -126,3 +127,24 @@ def test_share_of_energy_above_the_limit_is_that_of_the_wavelet(tmp_path):
     (warning,) = scene_warnings(scene_of(tmp_path, text))
     found = re.fullmatch(r"load: (\d+)% of its energy lies above 20 Hz, where a period has fewer than 10 steps of 0.005 s", warning)
     assert float(found[1]) == pytest.approx(100 * share, abs=1.0)  # frequencies 0.2 Hz apart, and whole percents
+
+
+def test_what_a_static_run_leaves_out_is_said(tmp_path):
+    text = SCENE.read_text(encoding="utf-8")
+    force = '[[load]]\nkind = "force"\nname = "{}"\npoints = ["P3"]\nforce = {{ X = 1.0 }}\n'
+    text = text.replace("[load]", force.format("PUSH") + force.format("SHOCK") + 'signal = "sine"\nfrequency = 1.0\n[[load]]')
+    text = text.replace("frequency = 1.0 ", "frequency = 20.0 ")  # which no static run minds
+    scene = scene_of(tmp_path, text + '\n[run]\nmethod = "static"\n')
+    words = "the method static leaves out what acts in time, as its signal says: load, load 'SHOCK'"
+    assert scene_warnings(scene) == scene_warnings(scene, "static") == [words]
+    assert "Hz" in scene_warnings(scene, "transient")[0] and words not in scene_warnings(scene, "transient")
+    assert drivers("check", tmp_path / "scene.toml").stdout.splitlines()[-1] == f"warning     {words}"
+    done = drivers("run", tmp_path / "scene.toml", "--quiet", "--no-plots", "--out", tmp_path / "out")
+    assert (done.returncode, done.stderr) == (0, f"{words}\n")
+    assert json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))["warnings"] == [words]
+
+
+def test_a_warning_is_printed_once_though_the_process_begins_again(tmp_path):
+    (tmp_path / "scene.toml").write_text(SCENE.read_text(encoding="utf-8").replace("duration = 5.0 ", "duration = 1.5 "), encoding="utf-8")
+    done = drivers("run", tmp_path / "scene.toml", "--method", "time-frequency", "--quiet", "--no-plots", "--out", tmp_path / "out")
+    assert done.returncode == 0 and done.stderr.count("misses") == 1, done.stderr

@@ -1,3 +1,5 @@
+from contextlib import nullcontext
+
 import numpy as np
 import pytest
 
@@ -5,7 +7,8 @@ from meshes.checked import ModelError
 from meshes.export import write_mesh
 from meshes.gather import gather_mesh
 from meshes.imported import MeshFile
-from meshes.panels import Panel, Panels
+from meshes.panels import Panel, Panels, _check_cells
+from meshes.plate import gmsh_session
 from meshes.tagged import build_mesh
 
 SQUARE = ((0.0, 0.0, 0.0), (4.0, 0.0, 0.0), (4.0, 4.0, 0.0), (0.0, 4.0, 0.0))
@@ -66,6 +69,94 @@ def test_points_on_a_regular_grid_do_not_refine_it(comm):
     whole = gather_mesh(build_mesh(comm, odd, as_it_is))
     if whole is not None:
         assert np.min(np.linalg.norm(whole.points - odd.nodes[0], axis=1)) < 1e-12
+
+
+@pytest.mark.parametrize("cell", ["quadrilateral", "triangle"])
+def test_cells_around_points_that_become_nodes_cover_the_plate_once(comm, cell):
+    """Near an edge gmsh folds quadrilaterals around a node that it has to keep, unless it is told better: they then cover more."""
+    rng = np.random.default_rng(1)
+    for number in (1, 1, 1, 2, 2, 4, 9):
+        nodes = tuple((x, y, 0.0) for x, y in rng.uniform(0.02, 3.98, (number, 2)).tolist())
+        for size in (2.0, 1.0, 0.4):
+            whole = gather_mesh(build_mesh(comm, Panels((Panel("P", SQUARE),), size, cell, nodes=nodes), as_it_is))
+            if whole is not None:
+                assert areas(whole).sum() == pytest.approx(16.0, rel=1e-12)
+                assert max(np.min(np.linalg.norm(whole.points - node, axis=1)) for node in nodes) < 1e-9
+
+
+def test_edges_of_one_name_are_one_group(comm):
+    tagged = build_mesh(comm, Panels((Panel("P", SQUARE, edge_names=("RIM", "RIM", "N", "RIM")),), 1.0), as_it_is)
+    assert [comm.allreduce(len(tagged.sides(name))) for name in ("RIM", "N")] == [12, 4]
+
+
+def test_plates_on_each_other_are_warned_of(comm, caplog):
+    other = tuple((x + 2.0, y, z) for x, y, z in SQUARE)
+    panels = Panels((Panel("A", SQUARE), Panel("B", other)), 1.0)
+    with caplog.at_level("WARNING"):
+        tagged = build_mesh(comm, panels, as_it_is)
+    assert tagged.mesh.topology.index_map(2).size_global == 24  # of 6 m x 4 m
+    words = "the plates 'A' and 'B' lie on each other, in part or whole; what both cover is there once"
+    assert [record.getMessage() for record in caplog.records] == [words] * (comm.rank == 0)
+
+
+def test_outlines_may_turn_either_way(comm):
+    """Plates half on each other, whose geometry kernel loses its way where a hole does not turn as its plate does."""
+    notched = np.array([(0, 0, 0), (6, 0, 0), (6, 2, 0), (3, 2, 0), (3, 5, 0), (0, 5, 0)], dtype=float)
+    opening = np.array([(1, 1, 0), (2, 1, 0), (2, 2, 0), (1, 2, 0)], dtype=float)
+    beside = Panel("B", ((6.0, 0.0, 0.0), (8.0, 0.0, 0.0), (8.0, 2.0, 0.0), (6.0, 2.0, 0.0)))
+
+    def panel(name, outline, hole):
+        return Panel(name, tuple(map(tuple, outline.tolist())), (tuple(map(tuple, hole.tolist())),))
+
+    for outline, hole in ((1, 1), (-1, 1), (1, -1), (-1, -1)):
+        shifted = panel("C", notched[::outline] + [0.5, 0, 0], opening[::hole] + [0.5, 0, 0])
+        whole = gather_mesh(build_mesh(comm, Panels((panel("A", notched, opening), beside, shifted), 1.0), as_it_is))
+        if whole is not None:  # 8 x 2 and 3.5 x 3 without the 0.5 x 1 that both holes share
+            assert areas(whole).sum() == pytest.approx(26.0, rel=1e-12)
+
+
+@pytest.mark.serial
+def test_surfaces_that_lie_on_each_other_unjoined_are_refused():
+    for x, sound in ((4.0, True), (3.5, False)):
+        with gmsh_session() as gmsh:
+            for start in (0.0, x):
+                gmsh.model.occ.addRectangle(start, 0.0, 0.0, 4.0, 4.0)
+            gmsh.model.occ.synchronize()
+            gmsh.model.mesh.generate(2)
+            with nullcontext() if sound else pytest.raises(ModelError, match="gmsh cannot join them"):
+                _check_cells(gmsh.model, 1e-6)
+
+
+@pytest.mark.serial
+def test_folded_cells_are_refused():
+    with gmsh_session() as gmsh:
+        gmsh.model.occ.addRectangle(0.0, 0.0, 0.0, 4.0, 4.0)
+        gmsh.model.occ.synchronize()
+        gmsh.model.mesh.generate(2)
+        inner = gmsh.model.mesh.getNodes(2, includeBoundary=False)[0][0]
+        gmsh.model.mesh.setNode(inner, [5.0, 5.0, 0.0], [])
+        with pytest.raises(ModelError, match="folded"):
+            _check_cells(gmsh.model, 1e-6)
+
+
+@pytest.mark.parametrize(
+    ("plates", "size", "key", "words"),
+    [
+        ([("P", 0.0), ("Q", 1e9)], 1.0, "plates", "longer than 1000 m"),
+        ([("P", 0.0)], 1e-6, "size", r"at most 1e\+08 cells"),
+        ([("P.1", 0.0), ("P", 5.0)], 1.0, "plates[P].edges", "that no plate has, got 'P.1'"),
+    ],
+)
+def test_plates_that_no_mesh_fits_are_refused(plates, size, key, words):
+    with pytest.raises(ModelError, match=words) as error:
+        Panels(tuple(Panel(name, tuple((x, y, z + height) for x, y, z in SQUARE)) for name, height in plates), size)
+    assert error.value.key == key
+
+
+def test_a_strip_narrower_than_its_cells_is_counted_along():
+    strip = Panel("P", ((0.0, 0.0, 0.0), (1000.0, 0.0, 0.0), (1000.0, 0.1, 0.0), (0.0, 0.1, 0.0)))
+    assert Panels((strip,), 1.0).cells == pytest.approx(1000.1)
+    assert Panels((Panel("P", SQUARE),), 0.5).cells == pytest.approx(64)
 
 
 @pytest.mark.parametrize(
