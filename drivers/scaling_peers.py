@@ -79,10 +79,10 @@ def _page(lines: list[str], version: str, quick: bool) -> str:
     return f"""# The reduced run beside OpenSeesPy
 
 The same plate on the same mesh of bilinear cells, on its five supports, steps of {MESH_STEP * 1e3:g} ms by Newmark's method, uplift
-exact. The reduced run counts mesh, assembly, basis, projection and a march over the whole window, of as many steps as the table says; OpenSeesPy
-counts its model, static state and 1,000 steps, Newton's method at each, on MUMPS, as in [pareto.md](pareto.md). Where these are scaled
-from the first steps, in which the plate has not lifted yet and Newton's method ends soonest, OpenSeesPy looks quicker than it is. P3 is
-compared where both make all steps. Imports are counted in neither.
+exact. The reduced run counts mesh, assembly, basis, projection and a march over the whole window, of as many steps as the table says;
+OpenSeesPy counts its model, static state and the steps of the scene, Newton's method at each, on MUMPS, as in [pareto.md](pareto.md).
+Where these are scaled from the first steps, in which the plate has not lifted yet and Newton's method ends soonest, OpenSeesPy looks
+quicker than it is. P3 is compared where it makes all steps. Imports are counted in neither.
 
 {chr(10).join(lines)}
 
