@@ -178,7 +178,7 @@ machine disturbs less. The layouts took turns, up to {1 if quick else ROUNDS} ti
 {table}
 
 By groups, each rank holds all matrices and takes every second frequency; with the domain split, two ranks share each factor.
-Ratios below 0.5 are not to be had from two ranks; above 1 the second rank is a loss. Both ranks run on one machine, so they share
+Two ranks can halve the time, what is below 0.5 is noise; above 1 the second rank is a loss. Both ranks run on one machine, so they share
 its memory and the way to it, and no network is between them.
 
 Growth: processor seconds a frequency grow as dofs^p with p = {growth}{upper}.
