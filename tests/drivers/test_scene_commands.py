@@ -129,6 +129,7 @@ def test_share_of_energy_above_the_limit_is_that_of_the_wavelet(tmp_path):
     assert float(found[1]) == pytest.approx(100 * share, abs=1.0)  # frequencies 0.2 Hz apart, and whole percents
 
 
+@pytest.mark.serial
 def test_what_a_static_run_leaves_out_is_said(tmp_path):
     text = SCENE.read_text(encoding="utf-8")
     force = '[[load]]\nkind = "force"\nname = "{}"\npoints = ["P3"]\nforce = {{ X = 1.0 }}\n'
@@ -144,6 +145,7 @@ def test_what_a_static_run_leaves_out_is_said(tmp_path):
     assert json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))["warnings"] == [words]
 
 
+@pytest.mark.serial
 def test_a_warning_is_printed_once_though_the_process_begins_again(tmp_path):
     (tmp_path / "scene.toml").write_text(SCENE.read_text(encoding="utf-8").replace("duration = 5.0 ", "duration = 1.5 "), encoding="utf-8")
     done = drivers("run", tmp_path / "scene.toml", "--method", "time-frequency", "--quiet", "--no-plots", "--out", tmp_path / "out")
