@@ -81,6 +81,7 @@ def basis_notes(basis: KrylovBasis, settings: KrylovSettings) -> dict[str, Any]:
         "vectors": basis.size,
         "starting_columns": growth.columns,
         "blocks": len(growth.sizes),
+        "order": growth.order,
         "solves": growth.solves,
         "tolerance": settings.tolerance,
         "band_Hz": settings.band,

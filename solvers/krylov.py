@@ -6,7 +6,9 @@ With a real shift sigma and B = [loads, unit release forces, ...] the answers (K
 
 of which some ten blocks do. Static answers are in it (for sigma = 0 exactly), so contact forces come out as well as displacements, and
 Newmark, Fourier, Laplace and modal runs can all live in it. Rayleigh damping C = a K + b M leaves the space as it is. Damping that spares
-the springs, as here, acts as a K + b M and a force on each spring beside it, so these forces belong to B where they matter.
+the springs, as here, acts as a K + b M and a force on each spring beside it, so these forces belong to B where they matter. Where these are
+many, or where the parts of a structure are damped each in its own way, the space is that of second order, in which A^-1 C takes part as
+A^-1 M does (`solvers.arnoldi`): half as many blocks again, but none of their columns for a spring.
 
 The basis is M-orthonormal and grows block by block until an error estimate at test frequencies, where nothing was solved to build it,
 meets a tolerance. Two numbers are looked at. While it grows, everything is known of the smaller basis in the coordinates of the larger:
@@ -23,19 +25,19 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from scipy import sparse
-from scipy.sparse.csgraph import connected_components
 
 from forms.operators import Operators
+from solvers.arnoldi import PairSpace
 from solvers.errors import SolverError
 from solvers.linear import DirectSolver
 from solvers.parameters import KrylovSettings
 from solvers.reduced import DEPENDENT, Basis, Projected, apply, inner, solve_definite
+from solvers.springs import inside_contacts, proportional, spring_forces
 
 log = logging.getLogger(__name__)
 
@@ -55,11 +57,16 @@ once in 100,000 times."""
 LEFT_BY_STATIC = 0.05
 """What the static answer to a spring's force leaves of its share of the response; measured on the reference case to 25 Hz: 0.01."""
 
+BLOCKS = 8
+"""That the first order needs, and the second order half as many again and more."""
+
 
 @dataclass
 class Growth:
     """How a basis came about."""
 
+    order: int = 1
+    """Of the Krylov space: 1, or 2 where damping takes part."""
     columns: int = 0
     """Columns of the starting block."""
     sizes: list[int] = field(default_factory=list)
@@ -120,6 +127,11 @@ class _Builder:
         self._seen = np.zeros((self._looks.shape[0], 0))
         self.omega = 2 * np.pi * settings.test_frequencies
         self._worst = float(self.omega[-1])
+        self._answers: list[np.ndarray] = []
+        """Coordinates of the answers at the test frequencies in the basis that was measured last."""
+        self._pairs = PairSpace()
+        self._shift = 0.0
+        """Where second-order spaces begin, on the real axis of s."""
 
     @property
     def vectors(self) -> np.ndarray:
@@ -131,20 +143,28 @@ class _Builder:
         if forces.shape[1] == 0:
             raise SolverError("the Krylov basis has nothing to start from: the model has neither loads nor contacts")
         answers = self._solve(forces)
-        springs, stiff = self._spring_forces(forces, answers)
-        self.forces = np.hstack([forces, springs])
+        springs, stiff = self._springs_that_count(forces, answers)
+        # A spring that begins costs a vector a block, one whose static answer does just that: from here on the second order has fewer.
+        many = BLOCKS * springs.shape[1] + stiff.shape[1] > BLOCKS * forces.shape[1]
+        if many or not proportional(self.operators, forces, answers):
+            answers = self._second_order(forces, answers)
+            self.forces = forces
+        else:
+            self.forces = np.hstack([forces, springs])
+            if springs.shape[1]:
+                answers = np.hstack([answers, self._solve(springs)])
+        last = self._unit_columns(inside_contacts(self.operators))
+        if growth.order == 1 and stiff.shape[1]:
+            last = np.hstack([self._solve(stiff), last])
         growth.columns = self.forces.shape[1]
         self.generalised = np.zeros((0, growth.columns))
-        if springs.shape[1]:
-            answers = np.hstack([answers, self._solve(springs)])
-        last = np.hstack([self._solve(stiff) if stiff.shape[1] else stiff, self._unit_columns(inside_contacts(self.operators))])
         met = False
         while not met:
             before = self.size
-            moved = self._add(answers, recent=growth.sizes[-3] if len(growth.sizes) > 2 else 0)
+            rights = self._expand(answers)
             growth.sizes.append(self.size)
-            exhausted = self.size == before
-            if len(growth.sizes) > 1 and not exhausted:
+            exhausted = rights.shape[1] == 0
+            if len(growth.sizes) > 1 and self.size > before:
                 self._estimate(before)
             if exhausted or self._promising():
                 grown = self.size
@@ -157,13 +177,39 @@ class _Builder:
             if not met:
                 if exhausted or len(growth.sizes) == settings.blocks:
                     raise SolverError(self._failure(exhausted))
-                answers = self._solve(moved)
+                answers = self._solve(rights)
         growth.seconds = {"factorisation": self.solver.factor_seconds, "solves": self.solver.solve_seconds} | growth.seconds
         log.info(
-            "Krylov basis: %d vectors from %d columns in %d blocks, relative residual %.1e to %g Hz",
-            self.size, growth.columns, len(growth.sizes), growth.estimate, settings.band,
+            "Krylov basis: %d vectors from %d columns in %d blocks of order %d, relative residual %.1e to %g Hz",
+            self.size, growth.columns, len(growth.sizes), growth.order, growth.estimate, settings.band,
         )
         return KrylovBasis(self.vectors, self.comm, Projected(self._stiffness, self._mass, self._damping), growth)
+
+    def _second_order(self, forces: np.ndarray, answers: np.ndarray) -> np.ndarray:
+        """Choose the space of second order; return the answers (n_local, b) to the forces that it begins with (collective)."""
+        self.growth.order = 2
+        if self.settings.shift == 0:
+            return answers
+        # K + s C + s^2 M about a real s instead of K - omega^2 M about omega^2 = -sigma.
+        self._shift = float(np.sqrt(self.settings.shift))
+        matrix = self.solver.matrix
+        matrix.axpy(self._shift, self.operators.damping, structure=matrix.Structure.SAME_NONZERO_PATTERN)
+        self.solver.refactor()
+        return self._solve(forces)
+
+    def _expand(self, answers: np.ndarray) -> np.ndarray:
+        """Add a block of answers to the basis; return the forces (n_local, b) that the next one answers, none at the end (collective)."""
+        sizes, before = self.growth.sizes, self.size
+        if self.growth.order == 1:
+            rights = self._add(answers, recent=sizes[-3] if len(sizes) > 2 else 0)
+            return rights if self.size > before else rights[:, :0]
+        self._add(answers)
+        coordinates = inner(self.vectors, apply(self.operators.mass, answers), self.comm)
+        if self._pairs.add(coordinates) == 0:
+            return answers[:, :0]
+        scale = float(self.omega[-1])
+        x, y = (self.vectors @ half for half in self._pairs.last(self.size))
+        return -scale * apply(self.operators.damping, x) - apply(self.operators.mass, scale**2 * y + 2 * self._shift * scale * x)
 
     def _failure(self, exhausted: bool) -> str:
         reached = self.growth.estimate if self.growth.checked else min(self.growth.residual, default=float("nan"))
@@ -177,7 +223,7 @@ class _Builder:
         self.growth.solves += rights.shape[1]
         return self.solver.solve_columns(rights)
 
-    def _spring_forces(self, forces: np.ndarray, answers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _springs_that_count(self, forces: np.ndarray, answers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the forces (n_local, ...) of the springs that damping spares: those to begin with, those whose static answers do.
 
         Beside a structure of compliance c a spring k adds w = k c / (1 + (k c)^2) of the response, and the root of it in the norm of
@@ -284,7 +330,7 @@ class _Builder:
 
     def _shifted(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the projection of A = K + sigma M and (n_columns,) the size (b^T A^-1 b)^(1/2) of each column of B."""
-        matrix = self._stiffness + self.settings.shift * self._mass
+        matrix = self._stiffness + self.settings.shift * self._mass + self._shift * self._damping
         return matrix, np.sqrt(np.einsum("ij,ij->j", self.generalised, solve_definite(matrix, self.generalised, "Krylov basis")))
 
     def _estimate(self, before: int) -> None:
@@ -293,17 +339,21 @@ class _Builder:
         shifted, size = self._shifted()
         outputs = np.sqrt(np.einsum("oj,jo->o", self._seen, solve_definite(shifted, self._seen.T, "Krylov basis")))
         scale = np.outer(np.where(outputs > 0, outputs, 1.0), size)
-        residuals, change = [], 0.0
-        for omega in self.omega:
+        rests, answers, change = [], [], 0.0
+        for i, omega in enumerate(self.omega):
             dynamic = self._dynamic(omega)
-            smaller = np.linalg.solve(dynamic[:before, :before], self.generalised[:before])
-            larger = np.linalg.solve(dynamic, self.generalised)
-            rest = self.generalised - dynamic[:, :before] @ smaller
-            square = np.real(np.einsum("ij,ij->j", rest.conj(), solve_definite(shifted, rest, "Krylov basis")))
-            residuals.append(float(np.max(np.sqrt(np.maximum(square, 0.0)) / size)))
-            difference = self._seen @ larger - self._seen[:, :before] @ smaller
+            # The larger basis of one block is the smaller one of the next.
+            known = self._answers[i] if self._answers else np.zeros((0, 0))
+            smaller = known if len(known) == before else np.linalg.solve(dynamic[:before, :before], self.generalised[:before])
+            answers.append(np.linalg.solve(dynamic, self.generalised))
+            rests.append(_split(self.generalised - dynamic[:, :before] @ smaller))
+            difference = self._seen @ answers[-1] - self._seen[:, :before] @ smaller
             change = max(change, float(np.max(np.abs(difference) / scale, initial=0.0)))
-        self.growth.residual.append(max(residuals))
+        self._answers = answers
+        rest = np.hstack(rests)
+        square = np.einsum("ij,ij->j", rest, solve_definite(shifted, rest, "Krylov basis"))
+        residuals = np.max(np.sqrt(np.maximum(square.reshape(len(rests), 2, -1).sum(axis=1), 0.0)) / size, axis=1)
+        self.growth.residual.append(float(np.max(residuals)))
         self._worst = float(self.omega[int(np.argmax(residuals))])
         self.growth.change.append(change)
         self._clock("estimate", begin)
@@ -317,8 +367,10 @@ class _Builder:
         They stand still where what is left is the share of the stiff springs, which the last vectors bring in.
         """
         residual = self.growth.residual
-        if len(residual) < 2:
+        if len(residual) < 3 - (self.growth.order == 1):
             return bool(residual) and residual[-1] <= self.settings.tolerance
+        if self.growth.order == 2:  # every second block gains more
+            return residual[-1] * min(residual[-1] / residual[-3], 1.0) ** 0.5 <= self.settings.tolerance
         gain = residual[-1] / residual[-2]
         stands = gain > STANDSTILL and residual[-1] < 1e-2
         return stands or residual[-1] * min(gain, 1.0) <= self.settings.tolerance
@@ -357,46 +409,6 @@ def _starting_forces(operators: Operators, more: tuple[Any, ...]) -> np.ndarray:
     vectors = [load.vector for load in operators.loads] + list(more)
     columns = [np.real(vector.array_r)[:, None] for vector in vectors if vector.norm() > 0]
     return np.asfortranarray(np.hstack([np.zeros((operators.n_local, 0)), *columns, operators.contacts.push.toarray()]))
-
-
-def spring_forces(operators: Operators) -> tuple[np.ndarray, np.ndarray]:
-    """Return this rank's rows (n_springs,) on which bonded springs pull the structure, and their stiffnesses (n_springs,) N/m.
-
-    Dofs inside a joint are condensed: with little mass of their own they pass the force on.
-    """
-    springs = operators.bonded_springs
-    pulled, stiffness = [], []
-    for outer, inner_ in _joints(operators, springs):
-        block = springs[np.ix_(outer, outer)].toarray()
-        if inner_.size:
-            coupling = springs[np.ix_(outer, inner_)].toarray()
-            block -= coupling @ np.linalg.solve(springs[np.ix_(inner_, inner_)].toarray(), coupling.T)
-        pulled += list(outer)
-        stiffness += list(np.diag(block))
-    return np.array(pulled, dtype=int), np.array(stiffness)
-
-
-def inside_contacts(operators: Operators) -> np.ndarray:
-    """Return this rank's rows of the dofs inside the joints whose contact can open."""
-    inside = [inner_ for _, inner_ in _joints(operators, operators.unilateral_springs)]
-    return np.concatenate([np.zeros(0, dtype=int), *inside])
-
-
-def _joints(operators: Operators, springs: sparse.csr_matrix) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Give the rows of each group of connected springs: those that the structure holds as well, and those inside the group alone."""
-    rows = np.flatnonzero(springs.diagonal())
-    start = operators.stiffness.getOwnershipRange()[0]
-    _, group = connected_components(springs, directed=False)
-    order = rows[np.argsort(group[rows], kind="stable")]
-    for members in np.split(order, np.flatnonzero(np.diff(group[order])) + 1) if order.size else []:
-        alone = np.array([_alone(operators.stiffness, start, row, members) for row in members])
-        yield members[~alone], members[alone]
-
-
-def _alone(stiffness: Any, start: int, row: int, members: np.ndarray) -> bool:
-    """Return whether the row of the stiffness (`row` within this rank) holds nothing outside the columns `members`."""
-    columns, values = stiffness.getRow(start + row)
-    return bool(np.isin(columns[values != 0] - start, members).all())
 
 
 def _bordered(matrix: np.ndarray, columns: np.ndarray) -> np.ndarray:

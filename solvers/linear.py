@@ -42,6 +42,7 @@ class LinearSolver:
     def refactor(self) -> None:
         """Factorise the present values of the matrix, or set its preconditioner up (collective). Raises `SolverError` if it is singular."""
         begin = time.perf_counter()
+        self.matrix.stateIncrease()  # a sum of matrices on several ranks does not tell PETSc that it has changed one
         try:
             self._ksp.setOperators(self.matrix)
             self._ksp.setUp()

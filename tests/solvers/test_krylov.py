@@ -7,15 +7,17 @@ import pytest
 
 from drivers.analysis import prepare
 from drivers.cost import refined
+from forms.supports import Spring
 from meshes.checked import ModelError
 from solvers import reduced
 from solvers.errors import SolverError
 from solvers.harmonic import harmonic_sweep
-from solvers.krylov import inside_contacts, krylov_basis, spring_forces
+from solvers.krylov import krylov_basis
 from solvers.laplace import laplace_run
 from solvers.newmark import Newmark, at_rest, static_state, transient
 from solvers.parameters import KrylovSettings, Scheme, hilber_hughes_taylor
 from solvers.reduced_sweep import ReducedSweep
+from solvers.springs import inside_contacts, spring_forces
 from tests import oscillator
 from tests.small import dense_operators, to_dense
 
@@ -36,18 +38,42 @@ def dense_forces(operators):
     return np.concatenate(operators.comm.allgather(own))
 
 
-@pytest.mark.parametrize(("tolerance", "shift"), [(1e-2, 0.0), (1e-4, 0.0), (1e-4, 500.0), (1e-6, 0.0)])
-def test_estimate_follows_the_error(sdls119a, comm, tolerance, shift):
+def on_springs(scene, stiffness=2e5):
+    """The left edge on springs at all nodes, in N/m for each metre."""
+    side = Spring("SIDE", (), (stiffness, 0.0), group="DGAU", per="length")
+    return replace(scene, model=replace(scene.model, springs=(side,)))
+
+
+def with_dampers(operators):
+    """Dashpots of 1e5 N s/m at every fifth row, which no a K + b M describes."""
+    begin, end = operators.damping.getOwnershipRange()
+    for row in range(begin + (-begin) % 5, end, 5):
+        operators.damping.setValue(row, row, 1e5, addv=True)
+    operators.damping.assemble()
+
+
+ESTIMATES = [
+    ("reference", 1, 1e-2, 0.0), ("reference", 1, 1e-4, 0.0), ("reference", 1, 1e-4, 500.0), ("reference", 1, 1e-6, 0.0),
+    ("springs", 2, 1e-4, 0.0), ("springs", 2, 1e-6, 0.0), ("springs", 2, 1e-6, 500.0), ("dampers", 2, 1e-6, 0.0),
+]
+
+
+@pytest.mark.parametrize(("name", "order", "tolerance", "shift"), ESTIMATES)
+def test_estimate_follows_the_error(sdls119a, comm, name, order, tolerance, shift):
     """In the norm of the energy, for every column, over frequencies that are neither built nor tested with."""
-    with prepare(refined(sdls119a, 2), comm) as plant:
+    scene = refined(sdls119a, 1 + order)
+    with prepare(on_springs(scene) if name == "springs" else scene, comm) as plant:
         operators = plant.operators
+        if name == "dampers":
+            with_dampers(operators)
         K, M, C = (np.real(to_dense(a)) for a in (operators.stiffness, operators.mass, operators.damping))
         basis = krylov_basis(operators, KrylovSettings(tolerance=tolerance, shift=shift))
         V, B = np.concatenate(comm.allgather(basis.vectors)), dense_forces(operators)
     growth = basis.growth
+    assert growth.order == order
     assert basis.size < 0.3 * len(K)
     assert V.T @ M @ V == pytest.approx(np.eye(basis.size), abs=1e-11)
-    A = K + shift * M
+    A = K + shift * M + (np.sqrt(shift) * C if order == 2 else 0.0)
     size = np.sqrt(np.einsum("ij,ij->j", B, np.linalg.solve(A, B)))
 
     def exact(omega):
@@ -103,6 +129,19 @@ def test_uplift_in_the_basis_equals_uplift_in_all_dofs(sdls119a, comm, name):
         assert relative(here.release[:, :5], full.release[:, :5]) < 5e-6
     assert here.peak == full.peak
     assert relative(here.peak_field, full.peak_field) < 1e-6
+
+
+def test_a_line_of_springs_costs_no_columns(sdls119a, comm):
+    """As many vectors on twice as many springs, and the march in all dofs."""
+    sizes = []
+    for factor in (2, 4):
+        with prepare(on_springs(refined(sdls119a, factor)), comm) as plant:
+            sizes.append(krylov_basis(plant.operators, KrylovSettings(tolerance=1e-6)).size)
+    assert sizes[0] == pytest.approx(sizes[1], rel=0.1)
+    full, marched, swept = full_and_reduced(on_springs(refined(sdls119a, 2)), comm, KrylovSettings(tolerance=1e-6))
+    for here in (marched, swept):
+        assert relative(here.probes, full.probes) < 1e-6
+        assert relative(here.release[:, :5], full.release[:, :5]) < 5e-6
 
 
 def test_dissipative_scheme(sdls119a, comm):

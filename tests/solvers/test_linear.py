@@ -55,6 +55,17 @@ def test_a_matrix_that_is_not_definite_is_an_error(sdls119a, comm):
             solver.solve(operators.loads[0].vector, solution, check=True)
 
 
+def test_new_values_are_factorised_on_any_number_of_ranks(sdls119a, comm):
+    with prepare(refined(sdls119a, 6), comm) as plant:  # large enough for MUMPS on one rank
+        operators = plant.operators
+        matrix, solution = operators.stiffness.copy(), operators.new_vector()
+        with DirectSolver(matrix, "t_", definite=True) as solver:
+            solver.solve(operators.loads[0].vector, solution, check=True)
+            matrix.axpy(1e5, operators.mass, structure=matrix.Structure.SAME_NONZERO_PATTERN)
+            solver.refactor()
+            solver.solve(operators.loads[0].vector, solution, check=True)
+
+
 @pytest.mark.both
 def test_block_solve_equals_single_solves(plant):
     from petsc4py import PETSc
