@@ -209,9 +209,7 @@ def _parser() -> argparse.ArgumentParser:
     scale.add_argument("--peers", action="store_true",
                        help="measure the reduced run beside OpenSeesPy instead, which is installed into a virtual environment in the cache")
     scale.add_argument("--quick", action="store_true", help="small meshes only")
-    scale.add_argument("--measure", type=int, nargs=3, help=argparse.SUPPRESS)
-    scale.add_argument("--measure-reduced", nargs=4, help=argparse.SUPPRESS)
-    scale.add_argument("--measure-direct", nargs=2, help=argparse.SUPPRESS)
+    scale.add_argument("--measure", nargs="+", help=argparse.SUPPRESS)  # what a process of its own measures, for `drivers.scaling`
     scale.set_defaults(command=_scale, quiet=True)
     pareto = commands.add_parser(
         "pareto", help="error against run time, by every method",
@@ -469,7 +467,7 @@ def _scale(options: argparse.Namespace, begin: float) -> int:
     from drivers.scene import read_scene
 
     scene = read_scene(options.scene)
-    if not (options.measure or options.measure_reduced or options.measure_direct):
+    if not options.measure:
         if runtime.launched():
             raise ModelError("scale", "starts its own ranks; run it without mpirun")
         from drivers.scaling import beside_opensees, scaling
@@ -478,19 +476,14 @@ def _scale(options: argparse.Namespace, begin: float) -> int:
         out = options.out or Path("docs") / ("scaling-peers.md" if options.peers else "scaling.md")
         measuring(options.scene, scene, out, quick=options.quick)
         return 0
-    runtime.choose_scalars("real" if options.measure_reduced else "complex")
+    what, *arguments = options.measure
+    runtime.choose_scalars("real" if what in ("reduced", "solver") else "complex")
     with runtime.parallel() as comm:
-        from drivers import scaling as scale
-        from drivers import scaling_reduced as reduced
+        import json
 
-        if options.measure_reduced:
-            factor, steps, checks, folder = options.measure_reduced
-            scale.say_measured(reduced.measure_reduced(scene, comm, int(factor), int(steps), int(checks), Path(folder)))
-        elif options.measure_direct:
-            factor, folder = options.measure_direct
-            scale.say_measured(reduced.measure_direct(scene, comm, int(factor), Path(folder)))
-        else:
-            scale.say_measured(scale.measure(scene, comm, *options.measure))
+        from drivers.scaling import measured
+
+        runtime.say(json.dumps(measured(scene, comm, what, *arguments)))
     return 0
 
 

@@ -23,7 +23,8 @@ from drivers.cost import refined
 from drivers.output import processor, versions, writable_folder
 from drivers.runtime import say
 from drivers.scaling_peers import compare_with_opensees
-from drivers.scaling_reduced import CHECKED, Direct, Reduced, reduced_rows
+from drivers.scaling_reduced import CHECKED, Direct, Reduced, measure_direct, measure_reduced, reduced_rows
+from drivers.scaling_solvers import WHAT, Solved, measure_solver, solver_rows
 from drivers.scene import Scene
 from meshes.checked import ModelError
 from meshes.imported import MeshFile
@@ -83,9 +84,9 @@ def measure(scene: Scene, comm: Any, factor: int, points: int, groups: int) -> M
 
 
 def in_child(path: Path, ranks: int, *arguments: object) -> dict[str, Any]:
-    """Measure in a process of its own, or in several under mpirun, and return what it printed."""
+    """Let a process of its own, or several under mpirun, measure what the `arguments` of `measured` say; return what it printed."""
     launcher = [] if ranks == 1 else [shutil.which("mpirun") or "mpirun", "--oversubscribe", "-n", str(ranks)]
-    command = [*launcher, sys.executable, "-m", "drivers", "scale", str(path), *map(str, arguments)]
+    command = [*launcher, sys.executable, "-m", "drivers", "scale", str(path), "--measure", *map(str, arguments)]
     environment = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_COMM", "PMIX", "PRTE"))}
     try:
         done = subprocess.run(command, capture_output=True, text=True, check=True, env=environment)
@@ -97,9 +98,21 @@ def in_child(path: Path, ranks: int, *arguments: object) -> dict[str, Any]:
     return found
 
 
-def say_measured(measured: Measured | Reduced | Direct) -> None:
-    """Print a measurement for the process that asked for it."""
-    say(json.dumps(asdict(measured)))
+def measured(scene: Scene, comm: Any, what: str, factor: str, *arguments: str) -> dict[str, Any]:
+    """Return what a process of its own measures (collective): a "sweep", a run that is "reduced", the "direct" sweep, or a "solver"."""
+    done: Measured | Reduced | Direct | Solved
+    if what == "sweep":
+        points, groups = map(int, arguments)
+        done = measure(scene, comm, int(factor), points, groups)
+    elif what == "reduced":
+        steps, checks, folder = arguments
+        done = measure_reduced(scene, comm, int(factor), int(steps), int(checks), Path(folder))
+    elif what == "direct":
+        done = measure_direct(scene, comm, int(factor), Path(arguments[0]))
+    else:
+        name, folder = arguments
+        done = measure_solver(scene, comm, int(factor), name, Path(folder))
+    return asdict(done)
 
 
 def scaling(path: Path, scene: Scene, out: Path, *, quick: bool) -> None:
@@ -109,14 +122,16 @@ def scaling(path: Path, scene: Scene, out: Path, *, quick: bool) -> None:
         raise ModelError("scale", "expected a scene with the sections [fourier] and [transient]")
     if isinstance(scene.plate, MeshFile):
         raise ModelError("mesh.file", "expected a mesh that the program makes: one from a file cannot be refined")
-    reduced = reduced_rows(scene, partial(in_child, path, 1), say, quick=quick)
+    child = partial(in_child, path, 1)
+    reduced = reduced_rows(scene, child, say, quick=quick)
+    solvers = solver_rows(child, say, quick=quick)
     rows: list[dict[str, Measured]] = []
     for line in HEAD:
         say(line)
     for factor, points in QUICK if quick else CASES:
         rows.append(shortest(path, factor, points, 1 if quick else ROUNDS))
         say(_row(rows[-1]))
-    out.write_text(page(rows, reduced, quick=quick), encoding="utf-8")
+    out.write_text(page(rows, reduced, solvers, quick=quick), encoding="utf-8")
     say(f"page in {out}")
 
 
@@ -133,7 +148,7 @@ def shortest(path: Path, factor: int, points: int, rounds: int) -> dict[str, Mea
         if number and time.monotonic() > end:
             break
         for name, (ranks, groups) in LAYOUTS.items():
-            here = Measured(**in_child(path, ranks, "--measure", factor, points, groups))
+            here = Measured(**in_child(path, ranks, "sweep", factor, points, groups))
             if name not in best or here.seconds < best[name].seconds:
                 best[name] = here
     return best
@@ -153,8 +168,8 @@ def _row(best: dict[str, Measured]) -> str:
     )
 
 
-def page(rows: list[dict[str, Measured]], reduced_rows: Sequence[str], *, quick: bool = False) -> str:
-    """Return the page in Markdown; `reduced_rows` are the lines of the table of the reduced run, head included (none: left out)."""
+def page(rows: list[dict[str, Measured]], reduced: Sequence[str], solvers: Sequence[str], *, quick: bool = False) -> str:
+    """Return the page in Markdown; `reduced` and `solvers` are the lines of the tables of the reduced run and of the solvers."""
     names = list(LAYOUTS)
     dofs = [row[names[0]].dofs for row in rows]
     exponents = {name: slope(dofs, [row[name].cpu / row[name].points for row in rows]) for name in names}
@@ -165,8 +180,8 @@ def page(rows: list[dict[str, Measured]], reduced_rows: Sequence[str], *, quick:
         upper = f"; {late:.2f} on one rank over the meshes of more than 4,000 dofs"
     about = versions()
     growth = ", ".join(f"{p:.2f} ({name})" for name, p in exponents.items())
-    reduced = "\n".join(["## The reduced sweep", "", CHECKED, "", *reduced_rows, "", ""]) if reduced_rows else ""
-    table = "\n".join([*HEAD, *(_row(row) for row in rows)])
+    lines = "\n".join
+    table = lines([*HEAD, *(_row(row) for row in rows)])
     command = "python3 -m drivers scale" + (" --quick" if quick else "")
     return f"""# How the sweep grows
 
@@ -184,7 +199,19 @@ its memory and the way to it, and no network is between them.
 Growth: processor seconds a frequency grow as dofs^p with p = {growth}{upper}.
 Nested dissection of a plane mesh promises p = 1.5 for the factorisation of large meshes, 1 for everything else.
 
-{reduced}## {FREQUENCIES:,} frequencies on {NODES} nodes
+## The reduced sweep
+
+{CHECKED}
+
+{lines(reduced)}
+
+## Without a factor
+
+{WHAT}
+
+{lines(solvers)}
+
+## {FREQUENCIES:,} frequencies on {NODES} nodes
 
 {_extrapolation(rows)}
 

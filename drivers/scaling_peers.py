@@ -58,7 +58,7 @@ def _row(scene: Scene, child: Callable[..., dict[str, Any]], python: str, factor
     assert scene.transient is not None
     steps, every = scene.transient.steps, scene.transient.every
     with tempfile.TemporaryDirectory() as folder:
-        mine = Reduced(**child("--measure-reduced", factor, 1, 2, folder))
+        mine = Reduced(**child("reduced", factor, 1, 2, folder))
         with np.load(Path(folder) / FILE) as saved:
             history = saved["history"]
     answer = answer_of(OPENSEES, python, on_points(problem(scene, Mesh(factor), measured), scene))

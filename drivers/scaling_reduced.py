@@ -209,8 +209,8 @@ def reduced_rows(
         say(line)
     for factor, steps, checks in QUICK if quick else CASES:
         with tempfile.TemporaryDirectory() as folder:
-            mine = Reduced(**child("--measure-reduced", factor, steps, checks, folder))
-            direct = Direct(**child("--measure-direct", factor, folder))
+            mine = Reduced(**child("reduced", factor, steps, checks, folder))
+            direct = Direct(**child("direct", factor, folder))
         lines.append(row(mine, direct, len(scene.fourier.frequencies)))
         say(lines[-1])
     return lines

@@ -31,7 +31,7 @@ def read_mesh(scene: Table, folder: Path) -> tuple[MeshSource, int]:
         return table.whole(MeshFile, path=folder / table.take("file", str)), 0
     dofs = table.take("dofs", int, default=0)
     if not 0 <= dofs <= MOST_DOFS:
-        raise ModelError(table.key("dofs"), f"expected a whole number of at most {MOST_DOFS:g}, got {dofs}")
+        raise ModelError(table.key("dofs"), f"expected a whole number from 0 to {MOST_DOFS:g}, got {dofs}")
     return _panels(table) if "plates" in given else table.whole(Plate), dofs
 
 

@@ -94,7 +94,7 @@ def test_killed_at_any_moment_it_ends_in_the_same_bits(method, tmp_path):
     scene = scene_for(method, tmp_path)
     assert finish(start(scene, tmp_path / "whole", "--method", method)) == (0, "")
     kills = killed(scene, tmp_path / "broken", method, KILLS)
-    assert kills > 0
+    assert kills == KILLS if MANY else kills > 0
     print(f"killed {kills} times")
     if (tmp_path / "broken" / "checkpoint").exists():
         assert finish(start(scene, tmp_path / "broken", "--method", method, "--resume")) == (0, "")
