@@ -37,7 +37,7 @@ CASES = ((4, 80), (8, 40), (16, 20), (32, 8), (64, 2))
 
 QUICK = ((2, 8), (4, 8))
 
-ROUNDS, PATIENCE = 3, 100.0
+ROUNDS, PATIENCE = 5, 150.0
 """The layouts take turns so often, or until so many seconds are over; the shortest times count, which other work on the machine has
 disturbed the least."""
 

@@ -7,6 +7,7 @@ import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -110,12 +111,12 @@ def conclusion(pairs: Sequence[tuple[Solved, Solved]]) -> str:
     """Say what the largest meshes say."""
     (here, there), (one, other) = pairs[-2:]
     powers = (np.log(b.memory / a.memory) / np.log(b.dofs / a.dofs) for a, b in ((here, one), (there, other)))
-    return (
+    return fill(
         f"At {one.dofs:,} dofs a solve without the factor takes {other.step_solve / one.step_solve:.0f} times as long as one with it, and "
         f"its set-up {other.step_setup / one.step_setup:.2f} of a factorisation; it needs {other.memory / one.memory:.2f} of the memory. "
-        "Over the last two meshes memory\n"
+        "Over the last two meshes memory "
         f"grows as dofs^{next(powers):.2f} with the factor and dofs^{next(powers):.2f} without: "
-        "where the former fits, it is the faster way."
+        "where the former fits, it is the faster way.", 120
     )
 
 

@@ -12,7 +12,7 @@ A^-1 M does (`solvers.arnoldi`): half as many blocks again, but none of their co
 
 The basis is M-orthonormal and grows block by block until an error estimate at test frequencies, where nothing was solved to build it,
 meets a tolerance. Two numbers are looked at. While it grows, everything is known of the smaller basis in the coordinates of the larger:
-the residual of the smaller one lies, but for the springs' share, in the span of A times the larger, so that its dual norm
+the residual of the smaller one lies, but for the share of damping, in the span of A times the larger, so that its dual norm
 (r^T A^-1 r)^(1/2) is a matter of small matrices, and so is the change of the transfer functions. At the end the true residual of the whole
 model is measured for a few random combinations of all columns, in the mean square as large as all columns together.
 
@@ -58,7 +58,7 @@ LEFT_BY_STATIC = 0.05
 """What the static answer to a spring's force leaves of its share of the response; measured on the reference case to 25 Hz: 0.01."""
 
 BLOCKS = 8
-"""That the first order needs, and the second order half as many again and more."""
+"""As many as the first order takes as a rule; the second takes some fourteen."""
 
 
 @dataclass
@@ -144,18 +144,19 @@ class _Builder:
             raise SolverError("the Krylov basis has nothing to start from: the model has neither loads nor contacts")
         answers = self._solve(forces)
         springs, stiff = self._springs_that_count(forces, answers)
-        # A spring that begins costs a vector a block, one whose static answer does just that: from here on the second order has fewer.
-        many = BLOCKS * springs.shape[1] + stiff.shape[1] > BLOCKS * forces.shape[1]
-        if many or not proportional(self.operators, forces, answers):
-            answers = self._second_order(forces, answers)
-            self.forces = forces
-        else:
-            self.forces = np.hstack([forces, springs])
-            if springs.shape[1]:
-                answers = np.hstack([answers, self._solve(springs)])
         last = self._unit_columns(inside_contacts(self.operators))
-        if growth.order == 1 and stiff.shape[1]:
-            last = np.hstack([self._solve(stiff), last])
+        # A spring that begins costs a vector a block, one whose static answer does just that: from here on the second order has fewer.
+        costs = self.comm.allreduce(BLOCKS * len(springs) + len(stiff))
+        if costs > BLOCKS * forces.shape[1] or not proportional(self.operators, forces, answers):
+            answers = self._second_order(forces, answers)
+        else:
+            begin, end = self._unit_columns(springs), self._unit_columns(stiff)
+            forces = np.hstack([forces, begin])
+            if begin.shape[1]:
+                answers = np.hstack([answers, self._solve(begin)])
+            if end.shape[1]:
+                last = np.hstack([self._solve(end), last])
+        self.forces = forces
         growth.columns = self.forces.shape[1]
         self.generalised = np.zeros((0, growth.columns))
         met = False
@@ -163,7 +164,7 @@ class _Builder:
             before = self.size
             rights = self._expand(answers)
             growth.sizes.append(self.size)
-            exhausted = rights.shape[1] == 0
+            exhausted = rights.shape[1] == 0 or self.size == self.operators.n
             if len(growth.sizes) > 1 and self.size > before:
                 self._estimate(before)
             if exhausted or self._promising():
@@ -224,14 +225,13 @@ class _Builder:
         return self.solver.solve_columns(rights)
 
     def _springs_that_count(self, forces: np.ndarray, answers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the forces (n_local, ...) of the springs that damping spares: those to begin with, those whose static answers do.
+        """Return this rank's rows of the springs that damping spares: those to begin with, those whose static answers do.
 
         Beside a structure of compliance c a spring k adds w = k c / (1 + (k c)^2) of the response, and the root of it in the norm of
         the energy. Of stiff and soft ones the static answer alone leaves `LEFT_BY_STATIC` w.
         """
-        nothing = np.zeros((self.operators.n_local, 0))
         if self.operators.damping is None:
-            return nothing, nothing
+            return np.zeros(0, dtype=int), np.zeros(0, dtype=int)
         total = self.comm.allreduce(np.abs(forces).sum(axis=0))
         reach = np.max(self.comm.allgather(np.abs(answers).max(axis=0, initial=0.0)), axis=0)
         rows, stiffness = spring_forces(self.operators)
@@ -239,7 +239,7 @@ class _Builder:
         weight = ratio / (1 + ratio**2)
         begins = LEFT_BY_STATIC * weight > self.settings.tolerance
         counts = ~begins & (weight > self.settings.tolerance**2)
-        return self._unit_columns(rows[begins]), self._unit_columns(rows[counts])
+        return rows[begins], rows[counts]
 
     def _unit_columns(self, rows: np.ndarray) -> np.ndarray:
         """Return columns (n_local, n_columns) that are 1 in one of the `rows` of each rank, one rank after the other."""

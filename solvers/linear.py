@@ -21,6 +21,15 @@ RESIDUAL_LIMIT = 1e-11
 """Largest admissible backward error of a direct solve; a sound factorisation stays below 1e-14."""
 
 
+def dense_columns(matrix: Any, columns: np.ndarray) -> Any:
+    """Return real columns (n_local, n) as a dense matrix in the layout of `matrix`; the caller destroys it (collective)."""
+    n_local, n = matrix.getSizes()[0]
+    size = ((n_local, n), (PETSc.DECIDE, columns.shape[1]))
+    made = PETSc.Mat().createDense(size=size, array=np.asfortranarray(columns, dtype=PETSc.ScalarType), comm=matrix.comm)
+    made.assemble()
+    return made
+
+
 class LinearSolver:
     """A matrix made ready for solutions. Its owner closes it (`with`); `refactor` follows new values in the same matrix."""
 
@@ -139,11 +148,8 @@ class DirectSolver(LinearSolver):
         residual as in `solve`. Returns the solutions (n_local, n_columns), columns contiguous.
         """
         begin = time.perf_counter()
-        n_local, n = self.matrix.getSizes()[0]
-        size, comm = ((n_local, n), (PETSc.DECIDE, rights.shape[1])), self.matrix.comm
-        given = PETSc.Mat().createDense(size=size, array=np.asfortranarray(rights, dtype=PETSc.ScalarType), comm=comm)
-        given.assemble()
-        found = PETSc.Mat().createDense(size=size, comm=comm)
+        given = dense_columns(self.matrix, rights)
+        found = PETSc.Mat().createDense(size=given.getSizes(), comm=self.matrix.comm)
         found.setUp()
         try:
             self._ksp.getPC().getFactorMatrix().matSolve(given, found)

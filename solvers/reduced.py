@@ -26,7 +26,7 @@ from solvers.contact import ContactProblem, settled_release
 from solvers.errors import SolverError
 from solvers.history import History
 from solvers.joints import FreeNodes
-from solvers.linear import DirectSolver
+from solvers.linear import DirectSolver, dense_columns
 from solvers.parameters import Scheme
 
 log = logging.getLogger(__name__)
@@ -35,16 +35,20 @@ DEPENDENT = 1e-8
 """A vector of which less than this part is new, in the norm of the mass, adds no direction to a basis."""
 
 
+TOGETHER = 8
+"""Vectors that are multiplied at once: a matrix that is read once for some of them takes half the time, and copies stay small."""
+
+
 def apply(matrix: Any, vectors: np.ndarray) -> np.ndarray:
     """Return this rank's rows (n_local, m) of a real matrix times real `vectors` (n_local, m) (collective)."""
-    x, y = matrix.createVecs()
     product = np.empty(vectors.shape, order="F")
-    for j in range(vectors.shape[1]):
-        x.array[:] = vectors[:, j]
-        matrix.mult(x, y)
-        product[:, j] = np.real(y.array_r)
-    x.destroy()
-    y.destroy()
+    for first in range(0, vectors.shape[1], TOGETHER):
+        some = slice(first, first + TOGETHER)
+        given = dense_columns(matrix, vectors[:, some])
+        found = matrix.matMult(given)
+        product[:, some] = np.real(found.getDenseArray())
+        given.destroy()
+        found.destroy()
     return product
 
 
