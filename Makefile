@@ -47,6 +47,7 @@ image:
 
 lint: .venv/bin/mypy
 	.venv/bin/ruff check
+	mkdir -p .lint && ln -sfn .. .lint/uplift
 	.venv/bin/mypy
 
 # The virtual environment sees Debian's packages, so that mypy can follow imports of numpy.

@@ -49,8 +49,8 @@ if "spectra" in file:
             print(f"{name}, {100 * zeta:g} %: {curve.max():.3f} {peaks.attrs['unit']} at {frequencies[np.argmax(curve)]:.2f} Hz")
 
 # %% The moving plate, frame by frame
-with meshio.xdmf.TimeSeriesReader(folder / "film.xdmf") as film:
-    points, cells = film.read_points_cells()
-    steps = [film.read_data(k) for k in range(film.num_steps)]
+with meshio.xdmf.TimeSeriesReader(folder / "film.xdmf") as snapshots:
+    points, cells = snapshots.read_points_cells()
+    steps = [snapshots.read_data(k) for k in range(snapshots.num_steps)]
 largest = max(steps, key=lambda step: np.abs(step[1]["displacement [m]"]).max())
 print(f"{len(points)} nodes, {len(steps)} frames; farthest at t = {largest[0]:g} s")

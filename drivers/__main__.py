@@ -2,7 +2,7 @@
 
 import sys
 
-from drivers.cli import main
+from uplift.drivers.cli import main
 
 if __name__ == "__main__":
     sys.exit(main(sys.argv[1:]))

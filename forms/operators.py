@@ -15,7 +15,7 @@ import numpy as np
 from mpi4py import MPI
 from scipy import sparse
 
-from forms.uplift import UpliftLaw
+from uplift.forms.contact.law import UpliftLaw
 
 
 def _sum_over_ranks(partial: np.ndarray, comm: Any) -> np.ndarray:
@@ -81,7 +81,7 @@ class Load:
 
 @dataclass(frozen=True)
 class Contacts:
-    """The unilateral contacts of a model, in the order of its supports, and their channels (see `forms.uplift`)."""
+    """The unilateral contacts of a model, in the order of its supports, and their channels (see `uplift.forms.contact.law`)."""
 
     names: tuple[str, ...]
     points: np.ndarray

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from forms.material import Material
-from forms.signals import Signal
-from forms.supports import AXES, PLACES, Placed, Point, Spring, Support, in_space, six
-from meshes.checked import Checked, ModelError, quantity
+from uplift.forms.contact.supports import AXES, PLACES, Placed, Point, Spring, Support, in_space, six
+from uplift.forms.loads.signals import Signal
+from uplift.forms.shells.material import Material
+from uplift.meshes.checked import Checked, ModelError, quantity
 
 CONDITIONS = ("clamped", "hard", "soft", "sliding", "symmetric")
-"""Conditions that a straight edge of a plate can have, see `forms.conditions`."""
+"""Conditions that a straight edge of a plate can have, see `uplift.forms.assembly.conditions`."""
 
 
 @dataclass(frozen=True)

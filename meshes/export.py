@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from meshes.checked import ModelError
-from meshes.plate import Plate
-from meshes.sources import MeshSource
-from meshes.tagged import Entities, opened, physical_groups
+from uplift.meshes.checked import ModelError
+from uplift.meshes.plate import Plate
+from uplift.meshes.sources import MeshSource
+from uplift.meshes.tagged import Entities, opened, physical_groups
 
 FORMATS = (".msh", ".vtu", ".xdmf", ".med")
 

@@ -8,8 +8,8 @@ from typing import Any
 import dolfinx
 import numpy as np
 
-from meshes.releases import dof_cells, geometry_cells
-from meshes.tagged import TaggedMesh
+from uplift.meshes.compat import dof_cells, geometry_cells
+from uplift.meshes.tagged import TaggedMesh
 
 
 @dataclass(frozen=True)

@@ -15,8 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from meshes.checked import Checked, ModelError, quantity
-from meshes.plate import LARGEST, Point, gmsh_session
+from uplift.meshes.checked import Checked, ModelError, quantity
+from uplift.meshes.gmsh_session import gmsh_session
+from uplift.meshes.plate import LARGEST, Point
 
 SUFFIXES = (".msh", ".med")
 
@@ -81,7 +82,7 @@ def imported_model(source: MeshFile) -> Iterator[tuple[Any, Entities, int]]:
         if len(kinds) > 1 or not kinds <= set(ORDERS):
             names = " and ".join(str(model.mesh.getElementProperties(kind)[0]) for kind in sorted(kinds))
             raise ModelError("mesh.file", f"{source.path} holds {names} cells; expected triangles alone or quadrilaterals alone")
-        _check_cells(model, source.path, kinds)
+        check_cells(model, source.path, kinds)
         _check_nodes(model, source.path, kinds)
         _check_edges(model, source.path, groups, kinds)
         yield model, groups, ORDERS[kinds.pop()]
@@ -110,7 +111,7 @@ def _try_in_child(path: Path) -> None:
         raise ModelError("mesh.file", f"{path} cannot be read as a mesh: gmsh breaks down on it")
 
 
-def _check_cells(model: Any, path: Path, kinds: set[int]) -> None:
+def check_cells(model: Any, path: Path, kinds: set[int]) -> None:
     """Refuse cells on nodes that are not there, on one node twice, and one cell twice, with which no mesh can be distributed."""
     known, coordinates = model.mesh.getNodes()[:2]
     if not np.all(np.abs(coordinates) <= LARGEST):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from meshes.checked import ModelError
+from uplift.meshes.checked import ModelError
 
 TOUCHING = 1e-7
 """Points closer than this part of the extent are one."""

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from inspect import signature
 from typing import Any
 
-from meshes.checked import Checked, ModelError, quantity
+from uplift.meshes.checked import Checked, ModelError, quantity
+from uplift.meshes.gmsh_session import gmsh_session
 
 Point = tuple[float, float, float]
 """Coordinates in m."""
@@ -58,21 +58,6 @@ class Plate(Checked):
     def extent(self) -> float:
         """The longer side in m."""
         return max(self.width, self.height)
-
-
-@contextmanager
-def gmsh_session() -> Iterator[Any]:
-    """Give an empty gmsh, silent, and close it on leaving (call on one rank only)."""
-    import gmsh  # loaded on the meshing rank only: the library takes most of a second
-
-    # Newer releases let Ctrl-C kill the process, past whoever wants to write a checkpoint, unless told not to.
-    newer = {"interruptible": False} if "interruptible" in signature(gmsh.initialize).parameters else {}
-    gmsh.initialize([], False, **newer)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
-        yield gmsh
-    finally:
-        gmsh.finalize()
 
 
 @contextmanager

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from meshes.imported import MeshFile
-from meshes.panels import Panels
-from meshes.plate import Plate
+from uplift.meshes.imported import MeshFile
+from uplift.meshes.panels import Panels
+from uplift.meshes.plate import Plate
 
 MeshSource = Plate | Panels | MeshFile
 """A rectangle, joined plates, or a file."""

@@ -10,12 +10,13 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from meshes.checked import ModelError
-from meshes.imported import MeshFile, imported_model
-from meshes.panels import Panels, panels_model
-from meshes.plate import gmsh_model
-from meshes.releases import distribute
-from meshes.sources import MeshSource
+from uplift.meshes.checked import ModelError
+from uplift.meshes.compat import distribute
+from uplift.meshes.imported import MeshFile, imported_model
+from uplift.meshes.panels import Panels
+from uplift.meshes.panels_gmsh import panels_model
+from uplift.meshes.plate import gmsh_model
+from uplift.meshes.sources import MeshSource
 
 SIDES = {"triangle": ((1, 2), (0, 2), (0, 1)), "quadrilateral": ((0, 1), (0, 2), (1, 3), (2, 3))}
 """Corners at the ends of each side of a cell, in the numbering of dolfinx."""

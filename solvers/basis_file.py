@@ -21,11 +21,12 @@ import h5py
 import numpy as np
 from mpi4py import MPI
 
-from forms.operators import Operators
-from meshes.checked import ModelError
-from solvers.krylov import Growth, KrylovBasis
-from solvers.parameters import KrylovSettings
-from solvers.reduced import Basis, Projected, apply, inner, solve_definite
+from uplift.forms.operators import Operators
+from uplift.meshes.checked import ModelError
+from uplift.solvers.bases.basis import Basis, Projected, apply, inner
+from uplift.solvers.bases.krylov import Growth, KrylovBasis
+from uplift.solvers.bases.reduced_march import solve_definite
+from uplift.solvers.bases.settings import KrylovSettings
 
 log = logging.getLogger(__name__)
 

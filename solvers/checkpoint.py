@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import hashlib
 import io
-import logging
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -17,9 +16,8 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from meshes.checked import ModelError
-
-log = logging.getLogger(__name__)
+from uplift.meshes.checked import ModelError
+from uplift.meshes.findings import say
 
 FORMAT = "uplift checkpoint 1"
 
@@ -120,9 +118,9 @@ class Checkpoint:
             raise ModelError("--checkpoint", f"cannot write into {self.folder}: {error.strerror}") from None
         there = sorted(self.folder.glob("*.h5"))
         if self.resume and not there:
-            log.warning("no checkpoint in %s: the run begins at its beginning", self.folder)
+            say("checkpoint", f"no checkpoint in {self.folder}: the run begins at its beginning")
         if there and not self.resume:
-            log.warning("%s holds checkpoints of an earlier run, which this one replaces; --resume would go on from them", self.folder)
+            say("checkpoint", f"{self.folder} holds checkpoints of an earlier run, which this one replaces; --resume would go on from them")
 
     def load(self, name: str) -> dict[str, np.ndarray] | None:
         """Return on rank 0 the arrays that were saved under a name, an empty dictionary elsewhere; None on all if there are none.
@@ -161,7 +159,8 @@ class Checkpoint:
             write_file(path, arrays, self._identity, self.rows.digest)
         except OSError as error:
             self._failed = f"{path.name} could not be written into {self.folder}: {error.strerror or error}"
-            log.warning("%s; the run goes on, and %s", self._failed, "the checkpoint before it stays" if self._written else "there is none")
+            left = "the checkpoint before it stays" if self._written else "there is none"
+            say("checkpoint", f"{self._failed}; the run goes on, and {left}")
             return False
         self._failed = ""
         self._written.add(path.name)

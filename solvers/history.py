@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from forms.uplift import UpliftLaw
+from uplift.forms.contact.law import UpliftLaw
 
 
 @dataclass(frozen=True)

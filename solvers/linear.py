@@ -10,9 +10,11 @@ import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from solvers.errors import SolverError
+from uplift.solvers.errors import SolverError
 
 log = logging.getLogger(__name__)
+
+SAME_PATTERN = PETSc.Mat.Structure.SAME_NONZERO_PATTERN
 
 SMALL = 2000
 """Up to this many dofs on one rank PETSc's own factorisation beats MUMPS, whose solves cost a fixed 0.1 ms."""

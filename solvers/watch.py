@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from solvers.checkpoint import Checkpoint
-from solvers.errors import Stopped
+from uplift.solvers.checkpoint import Checkpoint
+from uplift.solvers.errors import Stopped
 
 MEETING = 0.25
 """s between two meetings of the ranks: how late a signal is heard and a checkpoint begun, beside the step that is under way."""

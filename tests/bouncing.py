@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from forms.signals import Constant
 from tests.small import contact_on, dense_operators
+from uplift.forms.loads.signals import Constant
 
 MASS, STIFFNESS, GRAVITY = 2.0, 800.0, 9.81
 START_VELOCITY = 1.7

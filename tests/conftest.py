@@ -8,7 +8,7 @@ import pytest
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from drivers.scene import read_scene
+from uplift.drivers.scene.scene import read_scene
 
 COMPLEX = issubclass(PETSc.ScalarType, complex)
 SCENES = Path(__file__).parents[1] / "drivers" / "scenes"
@@ -50,8 +50,9 @@ def pytest_collection_modifyitems(config, items):
 def _collect_together():
     """PETSc objects are destroyed collectively: all ranks collect garbage at the same place."""
     yield
-    gc.collect()
-    MPI.COMM_WORLD.barrier()
+    if MPI.COMM_WORLD.size > 1:
+        gc.collect()
+        MPI.COMM_WORLD.barrier()
 
 
 @pytest.fixture
@@ -65,8 +66,8 @@ def sdls119a():
 
 
 @pytest.fixture
-def plant(sdls119a, comm):
-    from drivers.analysis import prepare
+def assembly(sdls119a, comm):
+    from uplift.drivers.analysis.assembled_scene import prepare
 
     with prepare(sdls119a, comm) as prepared:
         yield prepared

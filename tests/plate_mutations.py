@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from drivers.new import shipped
 from tests.mutations import generator
+from uplift.drivers.scene.shipped import shipped
 
 SECONDS = 60
 KILOBYTES = 500_000
@@ -204,13 +204,13 @@ def main(numbers):
     """Print a line of JSON for each number: the kilobytes that the scene took, and its result or its error."""
     from mpi4py import MPI
 
-    from drivers.analysis import prepare
-    from drivers.memory import check_memory
-    from drivers.methods import analyse
-    from drivers.request import Request
-    from drivers.scene import build_scene
-    from meshes.checked import ModelError
-    from solvers.errors import SolverError
+    from uplift.drivers.analysis.analyse import analyse
+    from uplift.drivers.analysis.assembled_scene import prepare
+    from uplift.drivers.analysis.memory import check_memory
+    from uplift.drivers.scene.request import Request
+    from uplift.drivers.scene.scene import build_scene
+    from uplift.meshes.checked import ModelError
+    from uplift.solvers.errors import SolverError
 
     signal.signal(signal.SIGALRM, slow)
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
@@ -220,8 +220,8 @@ def main(numbers):
             scene, request = build_scene(mutated_scene(number), Path()), Request("static")
             request.check(scene)
             check_memory(scene, request, MPI.COMM_SELF, groups=None, limit=0.5 * 2**30)
-            with prepare(scene, MPI.COMM_SELF) as plant:
-                line = {"result": bool(np.all(np.isfinite(analyse(plant, request).final.probes)))}
+            with prepare(scene, MPI.COMM_SELF) as assembly:
+                line = {"result": bool(np.all(np.isfinite(analyse(assembly, request).final.probes)))}
         except (ModelError, SolverError) as error:
             line = {"error": str(error)}
         signal.alarm(0)

@@ -5,8 +5,8 @@ from mpi4py import MPI
 from petsc4py import PETSc
 from scipy import sparse
 
-from forms.operators import Contacts, Functionals, Load, Operators, no_contacts
-from forms.uplift import UpliftLaw
+from uplift.forms.contact.law import UpliftLaw
+from uplift.forms.operators import Contacts, Functionals, Load, Operators, no_contacts
 
 
 def petsc_matrix(dense):

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drivers.runtime import PETSC, SLEPC
+from uplift.drivers.process import PETSC, SLEPC
 
 ROOT = Path(__file__).parents[1]
 COMPLEX = {"PETSC_DIR": str(PETSC / "petsc-complex"), "SLEPC_DIR": str(SLEPC / "slepc-complex")}

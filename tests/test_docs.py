@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from drivers.cli import _parser
-from drivers.verify import published_values
+from uplift.drivers.cli import parser
+from uplift.drivers.evidence.verify import published_values
 
 pytestmark = pytest.mark.serial
 
@@ -66,13 +66,13 @@ def commands(page):
 def accepted(arguments):
     """Parse the arguments of `python3 -m drivers`; fail as the command line would."""
     try:
-        return _parser().parse_args(arguments)
+        return parser().parse_args(arguments)
     except SystemExit:
         pytest.fail(f"not accepted: {shlex.join(arguments)}")
 
 
 def subcommands():
-    return next(a for a in _parser()._actions if isinstance(a, argparse._SubParsersAction)).choices
+    return next(a for a in parser()._actions if isinstance(a, argparse._SubParsersAction)).choices
 
 
 def of_drivers(command):
@@ -88,7 +88,7 @@ class Shell:
     def __init__(self, folder):
         self.folder = folder
         self.printed = {}
-        for name in ("drivers", "docs", "forms", "meshes", "solvers"):
+        for name in ("drivers", "docs", "forms", "meshes", "solvers", "uplift.py"):
             (folder / name).symlink_to(ROOT / name)
 
     def run(self, command):
@@ -167,8 +167,8 @@ def test_commands_run(page, shell):
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_commands_between_the_lines_are_accepted(page):
     known, options = subcommands(), set()
-    for parser in known.values():
-        options |= {option for action in parser._actions for option in action.option_strings}
+    for command in known.values():
+        options |= {option for action in command._actions for option in action.option_strings}
     for span in spans(page):
         words = shlex.split(span.replace("COMMAND", "verify"))
         if "-m" in words and "drivers" in words:
@@ -234,14 +234,14 @@ def test_table_of_time_steps_holds(shell):
 
 
 def test_spread_supports_of_the_guide(comm):
-    from drivers.analysis import prepare
-    from drivers.scene import build_scene
+    from uplift.drivers.analysis.assembled_scene import prepare
+    from uplift.drivers.scene.scene import build_scene
 
     scenes = ROOT / "drivers" / "scenes"
     snippet = next(block for block in blocks(ROOT / "docs" / "guide.md") if block[0] == "[[supports]]")
     table = tomllib.loads(text_of(scenes / "sdls119a.toml")) | tomllib.loads("\n".join(snippet))
-    with prepare(build_scene(table, scenes), comm) as plant:
-        [bed] = plant.assembled.model.supports
+    with prepare(build_scene(table, scenes), comm) as assembly:
+        [bed] = assembly.plate.model.supports
         assert bed.stiffness[1] * bed.factors.sum() == pytest.approx(5 * 1e8, rel=1e-12)
 
 

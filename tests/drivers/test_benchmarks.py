@@ -4,12 +4,14 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from drivers import benchmark_cases, benchmark_vibration, benchmarks
-from drivers.benchmark_runs import Benchmark, Check, Outcome, Runner, targets
-from drivers.benchmark_theory import SupportedPlate, let_go, lifted_strip
-from forms.material import Material
 from tests.drivers.test_cli import drivers
 from tests.mindlin import LegendrePlate
+from uplift.drivers.evidence.benchmarks import cases as benchmark_cases
+from uplift.drivers.evidence.benchmarks import page as benchmarks
+from uplift.drivers.evidence.benchmarks import vibration as benchmark_vibration
+from uplift.drivers.evidence.benchmarks.runs import Benchmark, Check, Outcome, Runner, targets
+from uplift.drivers.evidence.benchmarks.theory import SupportedPlate, let_go, lifted_strip
+from uplift.forms.shells.material import Material
 
 STEEL = Material(young=200e9, poisson=0.3, density=8000.0, thickness=1.0, alpha=6.929e-5, beta=5.772)
 THIN = Material(young=200e9, poisson=0.3, density=8000.0, thickness=0.05)

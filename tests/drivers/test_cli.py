@@ -172,7 +172,7 @@ def test_mesh_is_written(tmp_path):
 def test_a_transient_run_loads_only_what_it_needs(tmp_path):
     """Neither complex PETSc nor SLEPc, and no plotting library where no plots are asked."""
     script = (
-        "import sys; from drivers.cli import main\n"
+        "import sys; from uplift.drivers.cli import main\n"
         f"code = main(['run', {str(SCENE)!r}, '--out', {str(tmp_path)!r}, '--no-plots', '--quiet'])\n"
         "from petsc4py import PETSc\n"
         "print(code, PETSc.ScalarType.__name__, [m for m in ('slepc4py', 'matplotlib') if m in sys.modules])\n"
@@ -183,7 +183,7 @@ def test_a_transient_run_loads_only_what_it_needs(tmp_path):
 
 
 def test_failed_run_leaves_the_older_results_alone(tmp_path):
-    from drivers.output import all_or_nothing
+    from uplift.drivers.results.folder import all_or_nothing
 
     (tmp_path / "history.csv").write_text("old", encoding="utf-8")
     with pytest.raises(OSError, match="disk"), all_or_nothing(tmp_path) as staging:

@@ -12,8 +12,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from drivers import form_cache as cache
-from drivers.new import shipped
+from uplift.drivers.analysis import form_cache as cache
+from uplift.drivers.scene.shipped import shipped
 
 pytestmark = pytest.mark.serial
 
@@ -128,7 +128,7 @@ def test_what_another_program_compiles_is_left_to_it(tmp_path):
 
 
 def test_one_at_a_time_and_rank_0_for_all(tmp_path, monkeypatch):
-    monkeypatch.setattr("meshes.releases.form_cache_folder", lambda: tmp_path / "fenics")
+    monkeypatch.setattr("uplift.meshes.compat.form_cache_folder", lambda: tmp_path / "fenics")
     order = []
 
     def second():
@@ -147,7 +147,7 @@ def test_one_at_a_time_and_rank_0_for_all(tmp_path, monkeypatch):
 
 
 def test_a_run_that_fails_is_known_by_its_mark(tmp_path, monkeypatch):
-    monkeypatch.setattr("meshes.releases.form_cache_folder", lambda: tmp_path)
+    monkeypatch.setattr("uplift.meshes.compat.form_cache_folder", lambda: tmp_path)
     with pytest.raises(KeyboardInterrupt), cache.form_cache(RANK_0):
         made(tmp_path, "forms_begun", ".c")
         raise KeyboardInterrupt
@@ -159,7 +159,7 @@ def test_a_run_that_fails_is_known_by_its_mark(tmp_path, monkeypatch):
 def test_without_locks_or_a_folder_the_cache_is_used_as_it_is(tmp_path, monkeypatch):
     (tmp_path / "file").write_bytes(b"")
     for folder in (tmp_path / "file", tmp_path):
-        monkeypatch.setattr("meshes.releases.form_cache_folder", lambda folder=folder: folder)
+        monkeypatch.setattr("uplift.meshes.compat.form_cache_folder", lambda folder=folder: folder)
         monkeypatch.setattr(fcntl, "flock", lambda *_: (_ for _ in ()).throw(OSError("no locks")))
         made(tmp_path, "forms_begun", ".c", age=2 * cache.OLD)
         with cache.form_cache(RANK_0):

@@ -12,11 +12,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drivers.longrun import identity
-from drivers.progress import Progress, line
-from drivers.request import Request
-from drivers.scene import read_scene
-from solvers.checkpoint import write_file
+from uplift.drivers.analysis.long_runs import identity
+from uplift.drivers.analysis.progress import Progress, line
+from uplift.drivers.scene.request import Request
+from uplift.drivers.scene.scene import read_scene
+from uplift.solvers.checkpoint import write_file
 
 pytestmark = pytest.mark.serial
 
@@ -196,7 +196,7 @@ def test_progress_is_for_terminals_and_not_for_the_quiet():
 
 def test_remaining_time_follows_the_present_pace(monkeypatch):
     now = [0.0]
-    monkeypatch.setattr("drivers.progress.time.perf_counter", lambda: now[0])
+    monkeypatch.setattr("uplift.drivers.analysis.progress.time.perf_counter", lambda: now[0])
     progress = Progress(quiet=False, stream=Terminal(True))
     for done in range(101):  # 100 points at one a second, then slower ones
         progress("points", done, 1000)

@@ -13,13 +13,14 @@ import meshio
 import numpy as np
 import pytest
 
-from drivers.analysis import prepare
-from drivers.modes import Wanted, find_modes, tabulate_modes, wanted_modes
-from drivers.scene import build_scene
-from drivers.truncation import measure, mode_counts, tabulate_truncation
-from meshes.checked import ModelError
-from solvers.errors import SolverError
 from tests.drivers.test_cli import ROOT, SCENE, drivers
+from uplift.drivers.analysis.assembled_scene import prepare
+from uplift.drivers.analysis.modes import Wanted, find_modes, wanted_modes
+from uplift.drivers.scene.scene import build_scene
+from uplift.drivers.studies.mode_table import tabulate_modes
+from uplift.drivers.studies.truncation import measure, mode_counts, tabulate_truncation
+from uplift.meshes.checked import ModelError
+from uplift.solvers.errors import SolverError
 
 pytestmark = pytest.mark.serial
 
@@ -46,8 +47,8 @@ def changed(sdls119a, comm):
         return made[-1]
 
     yield make
-    for plant in made:
-        plant.__exit__()
+    for assembly in made:
+        assembly.__exit__()
 
 
 def test_modes_are_tabulated_drawn_and_written_for_paraview(tmp_path):
@@ -77,19 +78,19 @@ def test_modes_are_tabulated_drawn_and_written_for_paraview(tmp_path):
     assert np.all(np.abs(second[top, 1]) > 0.8) and abs(second[top, 0].sum()) < 1e-9  # heave
 
 
-def test_all_modes_carry_the_whole_mass(plant, tmp_path):
-    lines = tabulate_modes(plant, Wanted(100, None, 0.0), tmp_path, plots=False)
+def test_all_modes_carry_the_whole_mass(assembly, tmp_path):
+    lines = tabulate_modes(assembly, Wanted(100, None, 0.0), tmp_path, plots=False)
     columns = read_columns(tmp_path / "modes.csv")
     for axis in "XY":
-        assert columns[f"mass {axis} [kg]"].sum() == pytest.approx(plant.assembled.total_mass, rel=1e-9)
+        assert columns[f"mass {axis} [kg]"].sum() == pytest.approx(assembly.plate.total_mass, rel=1e-9)
         assert columns[f"mass {axis} [%]"].sum() == pytest.approx(100, rel=1e-9)
     foot = next(line.split() for line in lines if line.startswith("  sum"))
     assert [float(v) for v in foot[1:]] == pytest.approx([80000.5, 100, 80000.5, 100], abs=1e-4)
     assert "as many were found and none is missing" in lines[-2]
 
 
-def test_a_band_keeps_the_numbers_of_the_whole_spectrum(plant, tmp_path):
-    lines = tabulate_modes(plant, wanted_modes(plant.scene, None, [6.0, 8.0]), tmp_path, plots=False)
+def test_a_band_keeps_the_numbers_of_the_whole_spectrum(assembly, tmp_path):
+    lines = tabulate_modes(assembly, wanted_modes(assembly.scene, None, [6.0, 8.0]), tmp_path, plots=False)
     columns = read_columns(tmp_path / "modes.csv")
     assert columns["mode"].tolist() == [2, 3]
     assert columns["frequency [Hz]"] == pytest.approx(FREQUENCIES[1:], rel=1e-9)
@@ -97,21 +98,21 @@ def test_a_band_keeps_the_numbers_of_the_whole_spectrum(plant, tmp_path):
 
 
 def test_a_scene_that_asks_for_no_modes_gets_twenty_or_all_it_has(changed):
-    plant = changed(modal=None)
-    assert find_modes(plant, wanted_modes(plant.scene, None, None)).number == 20
+    assembly = changed(modal=None)
+    assert find_modes(assembly, wanted_modes(assembly.scene, None, None)).number == 20
     held = {"name": "feet", "points": ["P1", "P2"], "stiffness": {"X": 1e8, "Y": 1e8}}
-    plant = changed(modal=None, supports=[], springs=[held], mesh=plant.scene.source["mesh"] | {"nx": 1, "ny": 1})
-    assert find_modes(plant, wanted_modes(plant.scene, None, None)).number == 8
+    assembly = changed(modal=None, supports=[], springs=[held], mesh=assembly.scene.source["mesh"] | {"nx": 1, "ny": 1})
+    assert find_modes(assembly, wanted_modes(assembly.scene, None, None)).number == 8
 
 
-def test_what_cannot_be_is_refused_by_the_name_under_which_it_was_asked(plant, changed):
-    scene = plant.scene
+def test_what_cannot_be_is_refused_by_the_name_under_which_it_was_asked(assembly, changed):
+    scene = assembly.scene
     with pytest.raises(ModelError, match="^--number: expected >= 1 and <= 100, the dofs that have mass, got 101"):
-        find_modes(plant, wanted_modes(scene, 101, None))
+        find_modes(assembly, wanted_modes(scene, 101, None))
     with pytest.raises(ModelError, match="^--band: there is no mode between 2 and 5 Hz; the nearest are at 1.82102 Hz and 6.51606 Hz"):
-        find_modes(plant, wanted_modes(scene, None, [2.0, 5.0]))
+        find_modes(assembly, wanted_modes(scene, None, [2.0, 5.0]))
     with pytest.raises(ModelError, match="^--band: expected 0 <= low < high in Hz"):
-        find_modes(plant, wanted_modes(scene, None, [5.0, 2.0]))
+        find_modes(assembly, wanted_modes(scene, None, [5.0, 2.0]))
     crowded = changed(modal={"number": 101})
     with pytest.raises(ModelError, match="^modal.number: expected >= 1 and <= 100"):
         find_modes(crowded, wanted_modes(crowded.scene, None, None))
@@ -136,11 +137,11 @@ def test_a_plate_that_nothing_holds(changed, tmp_path, monkeypatch):
         raise SolverError(f"{number} modes were found and 21 are there")
 
     held = changed()
-    real = sys.modules["drivers.modes"].modes
-    monkeypatch.setattr("drivers.modes.modes", lambda *a, **o: real(*a, **o) if o["shift"] else lost())
+    real = sys.modules["uplift.drivers.analysis.modes"].modes
+    monkeypatch.setattr("uplift.drivers.analysis.modes.modes", lambda *a, **o: real(*a, **o) if o["shift"] else lost())
     with pytest.raises(SolverError, match="19 modes"):  # another failure is not taken for a free plate
         find_modes(held, wanted_modes(held.scene, None, None))
-    monkeypatch.setattr("drivers.modes.modes", lambda *a, **o: lost(20 if o["shift"] else 19))
+    monkeypatch.setattr("uplift.drivers.analysis.modes.modes", lambda *a, **o: lost(20 if o["shift"] else 19))
     with pytest.raises(SolverError, match="19 modes"):  # nor is the search for rigid motions, if that fails too
         find_modes(held, wanted_modes(held.scene, None, None))
 
@@ -199,9 +200,9 @@ def test_truncation_is_tabulated(tmp_path):
     assert [row[0] for row in table] == ["20", "100"]
 
 
-def test_with_static_answers_twenty_modes_are_near_and_without_they_are_not(plant):
+def test_with_static_answers_twenty_modes_are_near_and_without_they_are_not(assembly):
     """Measured: displacements 2.1e-5 with and 0.83 without, contact forces 2.7e-4 with and 0.61 without."""
-    alone, corrected = measure(plant, plant.scene.transient, find_modes(plant, Wanted(20, None, 0.0)), [20]).levels
+    alone, corrected = measure(assembly, assembly.scene.transient, find_modes(assembly, Wanted(20, None, 0.0)), [20]).levels
     assert (alone.vectors, corrected.vectors) == (20, 27)
     assert corrected.displacement == pytest.approx(2.1e-5, rel=0.1) and corrected.displacement < 0.01
     assert corrected.contact == pytest.approx(2.7e-4, rel=0.1) and corrected.contact < 0.02
@@ -209,16 +210,16 @@ def test_with_static_answers_twenty_modes_are_near_and_without_they_are_not(plan
 
 
 def test_a_run_that_fails_leaves_a_gap_in_the_table(changed, tmp_path, monkeypatch):
-    plant = changed(transient={"step": 0.01, "duration": 0.1, "every": 1, "start": "static"})
-    march = sys.modules["solvers.reduced"].march
+    assembly = changed(transient={"step": 0.01, "duration": 0.1, "every": 1, "start": "static"})
+    march = sys.modules["uplift.solvers.bases.reduced_march"].march
 
     def failing(model, *arguments, **options):
         if model.basis.size == 5:
             raise SolverError("the open contacts of a time step cannot be found")
         return march(model, *arguments, **options)
 
-    monkeypatch.setattr("solvers.reduced.march", failing)
-    lines = tabulate_truncation(plant, tmp_path, plots=True)
+    monkeypatch.setattr("uplift.solvers.bases.reduced_march.march", failing)
+    lines = tabulate_truncation(assembly, tmp_path, plots=True)
     assert (tmp_path / "truncation.png").exists()
     assert lines[-9].split()[:5] == ["5", "5", "-", "-", "-"]
     assert (tmp_path / "truncation.csv").read_text(encoding="utf-8").splitlines()[1] == "5,0,5,,,,"

@@ -15,15 +15,16 @@ from pathlib import Path
 import gmsh
 import pytest
 
-from drivers.memory import expected_bytes
-from drivers.new import shipped
-from drivers.request import Request
-from drivers.scene import METHODS, read_scene
-from drivers.scene_warnings import scene_warnings
-from meshes.checked import ModelError
 from tests.drivers.test_schema import RECTANGLE
 from tests.mutations import generator, mutated
 from tests.plate_mutations import KILOBYTES
+from uplift.drivers.analysis.memory import expected_bytes
+from uplift.drivers.scene.analysis import METHODS
+from uplift.drivers.scene.cautions import scene_cautions
+from uplift.drivers.scene.request import Request
+from uplift.drivers.scene.scene import read_scene
+from uplift.drivers.scene.shipped import shipped
+from uplift.meshes.checked import ModelError
 
 pytestmark = pytest.mark.serial
 
@@ -65,9 +66,9 @@ CHILD = """
 import signal, sys
 from pathlib import Path
 from mpi4py import MPI
-from meshes.checked import ModelError
-from meshes.imported import MeshFile
-from meshes.tagged import build_mesh
+from uplift.meshes.checked import ModelError
+from uplift.meshes.imported import MeshFile
+from uplift.meshes.tagged import build_mesh
 for name in sys.argv[1:]:
     signal.alarm(60)
     try:
@@ -85,7 +86,7 @@ def slow(number, frame):
 def read_all(path):
     """All that is done with a scene before it is meshed."""
     scene = read_scene(path)
-    scene_warnings(scene)
+    scene_cautions(scene)
     for method in METHODS:
         request = Request(method)
         try:
@@ -131,7 +132,7 @@ def test_scenes_and_tables(tmp_path):
 
 def meshes(folder):
     """The mesh of the reference case in the formats that are read: .msh 2 and 4, in text and binary, and .med."""
-    from meshes.export import write_mesh
+    from uplift.meshes.export import write_mesh
 
     plate = read_scene(shipped()["sdls119a"]).plate
     for name in ("four.msh", "five.med"):
@@ -177,7 +178,7 @@ def test_joined_plates():
 
 
 def test_folder_is_kept_from_a_second_run(tmp_path):
-    from drivers.output import claimed_folder
+    from uplift.drivers.results.folder import claimed_folder
 
     with claimed_folder(tmp_path / "a b é", overwrite=False):
         with pytest.raises(ModelError, match="another run is writing"), claimed_folder(tmp_path / "a b é", overwrite=True):

@@ -8,12 +8,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from drivers import pareto, pareto_cases, pareto_errors, pareto_orders, pareto_page, pareto_runs, peer_scipy, peers
-from drivers.pareto_cases import AS_PUBLISHED, CORRECTED, FOURIER, KRYLOV, LAPLACE, MODES, SPREAD, Mesh, Run
-from drivers.pareto_errors import Reference, Trace
-from drivers.pareto_runs import Outcome, assemble, execute_once
-from meshes.checked import ModelError
-from solvers import newmark
+from uplift.drivers.evidence.pareto import cases as pareto_cases
+from uplift.drivers.evidence.pareto import errors as pareto_errors
+from uplift.drivers.evidence.pareto import orders as pareto_orders
+from uplift.drivers.evidence.pareto import page as pareto_page
+from uplift.drivers.evidence.pareto import pareto
+from uplift.drivers.evidence.pareto import runs as pareto_runs
+from uplift.drivers.evidence.pareto.cases import AS_PUBLISHED, CORRECTED, FOURIER, KRYLOV, LAPLACE, MODES, SPREAD, Mesh, Run
+from uplift.drivers.evidence.pareto.errors import Reference, Trace
+from uplift.drivers.evidence.pareto.runs import Outcome, assemble, execute_once
+from uplift.drivers.evidence.peers import peer_scipy, peers
+from uplift.meshes.checked import ModelError
+from uplift.solvers.time_domain.initial import static_state
+from uplift.solvers.time_domain.state import tensions
 
 pytestmark = pytest.mark.serial
 
@@ -132,9 +139,9 @@ def test_bases_on_spread_supports(short, comm, method, setting, limits):
         # Half the load in N/m times the length of the plate: the weight, carried by the contacts before the shaking.
         assert model.share == pytest.approx([0.25, 0.5, 0.5, 0.5, 0.25])
         share = pareto_cases.edge_shares(4.0, 8, 1)[1]
-        with newmark.static_state(model.operators, exact_uplift=True) as state:
+        with static_state(model.operators, exact_uplift=True) as state:
             law = model.operators.contacts.law
-            force = law.compression(newmark.tensions(model.operators, state.displacement), state.release)
+            force = law.compression(tensions(model.operators, state.displacement), state.release)
         order = np.argsort(model.operators.contacts.points[:, 0])
         assert force.sum() == pytest.approx(9.81 * (4 * 8 * 2500), rel=1e-4)
         assert whole.trace.force[0] == pytest.approx((force[order] / share)[::2], rel=1e-9)
@@ -238,8 +245,8 @@ def test_opensees_that_cannot_be_had_is_one_line(monkeypatch, tmp_path):
 def test_bad_input(sdls119a, tmp_path, comm):
     with pytest.raises(ModelError, match="expected the name of a file"):
         pareto.pareto(comm, pareto.Options(pareto.SCENE, tmp_path, True, False, True))
-    loose = replace(sdls119a.model.supports[0], stiffness=(0.0, 1e8), contact=(0.0, 1e15))
+    unrestrained = replace(sdls119a.model.supports[0], stiffness=(0.0, 1e8), contact=(0.0, 1e15))
     with pytest.raises(ModelError, match="nothing holds the plate against"):
-        assemble(replace(sdls119a, model=replace(sdls119a.model, supports=(loose,))), AS_PUBLISHED, Mesh(), comm)
+        assemble(replace(sdls119a, model=replace(sdls119a.model, supports=(unrestrained,))), AS_PUBLISHED, Mesh(), comm)
     with pytest.raises(ModelError, match="at least one unilateral"):
         pareto_runs.check(replace(sdls119a, model=replace(sdls119a.model, supports=())))

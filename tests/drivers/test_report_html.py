@@ -10,12 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drivers.report_html import report
-from drivers.report_html_data import film_data, loops, outline, thinned, time_map
-from drivers.report_html_words import findings, number, written
-from drivers.results import Plate, Series
-from drivers.results_file import read_results
 from tests.browser import browser, needs_browser
+from uplift.drivers.analysis.snapshots import SnapshotData
+from uplift.drivers.report.charts import film_data, loops, outline, thinned, time_map
+from uplift.drivers.report.page import report
+from uplift.drivers.report.words import findings, number, written
+from uplift.drivers.results.hdf5 import read_results
+from uplift.drivers.results.results import Series
 
 pytestmark = pytest.mark.serial
 
@@ -54,7 +55,7 @@ def test_the_page_is_made_from_the_results_file_alone(folder, results, tmp_path)
 
 def test_texts_of_a_scene_cannot_break_out(results):
     nasty = "</script><script>alert(1)</script><b>"
-    facts = results.facts | {"title": nasty, "warnings": [nasty]}
+    facts = results.facts | {"title": nasty, "findings": [{"key": "signal", "severity": "doubt", "text": nasty}]}
     text = report(replace(results, facts=facts, scene_text=nasty, probe_names=(nasty,)))
     assert "alert(1)" in text and nasty not in text and "<b>alert" not in text
 
@@ -107,7 +108,8 @@ def test_numbers_in_words():
 def test_findings_say_what_is_wrong(results):
     assert findings(results) == []
     facts = results.facts
-    assert findings(replace(results, facts=facts | {"warnings": ["the steps are long"]})) == ["The steps are long."]
+    said = {"findings": [{"key": "signal", "severity": "doubt", "text": "the steps are long"}]}
+    assert findings(replace(results, facts=facts | said)) == ["The steps are long."]
     passes = facts | {"uplift": "published passes", "iterations": 2, "iteration_norms": {"tension_left": [0.5, 0.26]}}
     (words,) = findings(replace(results, facts=passes))
     assert "26 %" in words and "--iterations" in words
@@ -130,9 +132,9 @@ def test_a_long_film_of_a_large_plate_stays_small(results):
     points = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
     first = (np.arange(n)[:, None] * (n + 1) + np.arange(n)).ravel()
     cells = np.column_stack([first, first + 1, first + n + 2, first + n + 1])
-    film = np.zeros((200, len(points), 3), dtype=np.float32)
-    film[:, :, 0] = 0.01 * np.sin(np.arange(200))[:, None] * points[:, 1]
-    plate = Plate(points, cells, "quad", film[:1], results.plate.rows, film, film[:2], 501)
+    snapshots = np.zeros((200, len(points), 3), dtype=np.float32)
+    snapshots[:, :, 0] = 0.01 * np.sin(np.arange(200))[:, None] * points[:, 1]
+    plate = SnapshotData(points, cells, "quad", snapshots[:1], results.plate.rows, snapshots, snapshots[:2], 501)
     data = film_data(replace(results, plate=plate))
     assert len(data["loops"]) == 1 and len(data["loops"][0]) == 4 * n
     assert data["cells"] == [] and len(data["edges"]) == 4 * n and len(data["points"]) == 4 * n
@@ -146,7 +148,7 @@ def test_warnings_of_the_log_are_on_the_page(tmp_path):
     command = [sys.executable, "-m", "drivers", "run", str(scene), "--out", str(tmp_path / "out"), "--no-plots", "--quiet"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0 and "away from the state of rest" in done.stderr
-    (heard,) = read_results(tmp_path / "out").facts["warnings"]
+    (heard,) = (finding["text"] for finding in read_results(tmp_path / "out").facts["findings"])
     assert heard in done.stderr
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert f"<li>{heard[:1].upper()}{heard[1:].replace(chr(39), '&#x27;')}.</li>" in page
@@ -230,7 +232,7 @@ def test_a_plate_in_space_can_be_turned(results, tmp_path):
     """The same plate laid flat, its contacts pushing along Z: a stand-in for a plate in bending."""
     plate = results.plate
     moved = np.array([[1.0, 0, 0], [0, 0, 1.0], [0, 1.0, 0]])
-    laid = replace(plate, film=plate.film @ moved.astype(np.float32), peak=plate.peak @ moved, envelope=plate.envelope @ moved)
+    laid = replace(plate, snapshots=plate.snapshots @ moved.astype(np.float32), peak=plate.peak @ moved, envelope=plate.envelope @ moved)
     points = results.points | {"directions": np.tile([0.0, 0.0, 1.0], (5, 1))}
     (tmp_path / "space.html").write_text(report(replace(results, plate=laid, points=points)), encoding="utf-8")
     with browser(tmp_path / "profile") as window:

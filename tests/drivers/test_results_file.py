@@ -11,15 +11,15 @@ import meshio
 import numpy as np
 import pytest
 
-from drivers.contact_lines import contact_lines
-from drivers.film import Film
-from drivers.methods import analyse
-from drivers.request import Request
-from drivers.results import floor_acceleration
-from drivers.results_file import read_results
-from drivers.viewer_files import real_fields
-from meshes.checked import ModelError
-from solvers.spectra import second_differences
+from uplift.drivers.analysis.analyse import analyse
+from uplift.drivers.analysis.snapshots import Snapshots
+from uplift.drivers.results.contact_lines import contact_lines
+from uplift.drivers.results.hdf5 import read_results
+from uplift.drivers.results.results import floor_acceleration
+from uplift.drivers.results.viewers import real_fields
+from uplift.drivers.scene.request import Request
+from uplift.meshes.checked import ModelError
+from uplift.solvers.spectra import second_differences
 
 ROOT = Path(__file__).parents[2]
 SCENE = ROOT / "drivers" / "scenes" / "sdls119a.toml"
@@ -205,32 +205,32 @@ def test_other_files_are_refused_in_one_line(tmp_path, folder):
 
 @pytest.mark.both
 @pytest.mark.parametrize("passes", [None, 2])
-def test_film_shows_what_the_probes_record(plant, passes):
-    film = Film(plant)
-    analysis = analyse(plant, Request("transient", passes), film)
-    footage = film.develop(analysis.final.peak_field)
-    if plant.operators.comm.rank != 0:
-        assert footage is None
+def test_film_shows_what_the_probes_record(assembly, passes):
+    snapshots = Snapshots(assembly)
+    analysis = analyse(assembly, Request("transient", passes), snapshots)
+    snapshot_data = snapshots.develop(analysis.final.peak_field)
+    if assembly.operators.comm.rank != 0:
+        assert snapshot_data is None
         return
-    corner = int(np.argmin(np.linalg.norm(footage.mesh.points - [4, 8, 0], axis=1)))
+    corner = int(np.argmin(np.linalg.norm(snapshot_data.mesh.points - [4, 8, 0], axis=1)))
     probes = analysis.final.probes
-    assert len(footage.rows) == 200 and footage.watched == len(probes)
-    assert np.max(np.abs(footage.displacement[:, corner, :2] - probes[footage.rows])) < 1e-7 * np.max(np.abs(probes))
-    assert footage.envelope[0, corner, :2] == pytest.approx(probes.min(axis=0), rel=1e-12)
-    assert footage.peak[0, corner, :2] == pytest.approx(probes[analysis.final.peak], rel=1e-12)
+    assert len(snapshot_data.rows) == 200 and snapshot_data.watched == len(probes)
+    assert np.max(np.abs(snapshot_data.displacement[:, corner, :2] - probes[snapshot_data.rows])) < 1e-7 * np.max(np.abs(probes))
+    assert snapshot_data.envelope[0, corner, :2] == pytest.approx(probes.min(axis=0), rel=1e-12)
+    assert snapshot_data.peak[0, corner, :2] == pytest.approx(probes[analysis.final.peak], rel=1e-12)
 
 
 @pytest.mark.serial
-def test_a_large_model_has_fewer_frames_or_none(plant, monkeypatch):
-    film = Film(plant)
-    film.start(501)
-    assert len(film.rows) == 200 and film.rows[0] == 0 and film.rows[-1] == 500
-    monkeypatch.setattr("drivers.film.FILM_BYTES", 8 * 100 * 20)
-    film.start(501)
-    assert len(film.rows) == 20 and film.rows[-1] == 500
-    monkeypatch.setattr("drivers.film.FILM_BYTES", 8 * 100 * 3)
-    film.start(501)
-    assert len(film.rows) == 0
-    film.watch(0, np.ones(plant.operators.n_local))
-    footage = film.develop(None)
-    assert footage.displacement.shape == (0, 45, 3) and len(footage.envelope) == 2
+def test_a_large_model_has_fewer_frames_or_none(assembly, monkeypatch):
+    snapshots = Snapshots(assembly)
+    snapshots.start(501)
+    assert len(snapshots.rows) == 200 and snapshots.rows[0] == 0 and snapshots.rows[-1] == 500
+    monkeypatch.setattr("uplift.drivers.analysis.snapshots.FILM_BYTES", 8 * 100 * 20)
+    snapshots.start(501)
+    assert len(snapshots.rows) == 20 and snapshots.rows[-1] == 500
+    monkeypatch.setattr("uplift.drivers.analysis.snapshots.FILM_BYTES", 8 * 100 * 3)
+    snapshots.start(501)
+    assert len(snapshots.rows) == 0
+    snapshots.watch(0, np.ones(assembly.operators.n_local))
+    snapshot_data = snapshots.develop(None)
+    assert snapshot_data.displacement.shape == (0, 45, 3) and len(snapshot_data.envelope) == 2

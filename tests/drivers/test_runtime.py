@@ -15,18 +15,18 @@ ROOT = Path(__file__).parents[2]
 
 PROGRAM = """
 import sys
-from drivers import runtime
-from drivers.cli import _complain
-from meshes.checked import ModelError
-from solvers.errors import SolverError
-runtime.PATIENCE = 1.0
+from uplift.drivers import process
+from uplift.drivers.process import complain
+from uplift.meshes.checked import ModelError
+from uplift.solvers.errors import SolverError
+process.PATIENCE = 1.0
 try:
-    with runtime.parallel() as comm:
+    with process.parallel() as comm:
         if comm.rank in {ranks}:
             raise {error}
         comm.barrier()
 except SolverError as error:
-    _complain(error)
+    complain(error)
     sys.exit(1)
 """
 

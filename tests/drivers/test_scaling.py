@@ -4,12 +4,12 @@ from functools import partial
 import numpy as np
 import pytest
 
-from drivers.scaling import LAYOUTS, Measured, in_child, page, scaling, slope
-from drivers.scaling_reduced import FILE, Direct, Reduced
-from drivers.scaling_solvers import Solved, conclusion, solver_rows
-from drivers.scene import read_scene
-from meshes.checked import ModelError
 from tests.conftest import SCENES
+from uplift.drivers.evidence.scaling.linear_solvers import Solved, conclusion, solver_rows
+from uplift.drivers.evidence.scaling.reduced import FILE, Direct, Reduced
+from uplift.drivers.evidence.scaling.scaling import LAYOUTS, Measured, in_child, page, scaling, slope
+from uplift.drivers.scene.scene import read_scene
+from uplift.meshes.checked import ModelError
 
 pytestmark = pytest.mark.serial
 

@@ -4,11 +4,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drivers.analysis import prepare
-from drivers.methods import analyse
-from drivers.request import Request
-from drivers.scene import read_scene
-from meshes.checked import ModelError
+from uplift.drivers.analysis.analyse import analyse
+from uplift.drivers.analysis.assembled_scene import prepare
+from uplift.drivers.scene.request import Request
+from uplift.drivers.scene.scene import read_scene
+from uplift.meshes.checked import ModelError
 
 SCENE = Path(__file__).parents[2] / "drivers" / "scenes" / "sdls119a.toml"
 
@@ -114,19 +114,20 @@ def test_same_name_twice_is_refused(tmp_path):
 )
 def test_a_plate_that_nothing_holds_is_refused_in_words(change, words, comm):
     scene = read_scene(SCENE)
-    loose = replace(scene, model=replace(scene.model, **change))
-    with prepare(loose, comm) as plant, pytest.raises(ModelError, match=words):
-        analyse(plant, Request("transient"))
-    with prepare(loose, comm) as plant:
-        Request("transient").check_held(replace(loose, transient=replace(loose.transient, start="rest")), plant.assembled.loose)
+    unrestrained = replace(scene, model=replace(scene.model, **change))
+    with prepare(unrestrained, comm) as assembly, pytest.raises(ModelError, match=words):
+        analyse(assembly, Request("transient"))
+    with prepare(unrestrained, comm) as assembly:
+        from_rest = replace(unrestrained, transient=replace(unrestrained.transient, start="rest"))
+        Request("transient").check_held(from_rest, assembly.plate.unrestrained)
 
 
 def test_one_support_lets_the_plate_turn(comm):
     scene = read_scene(SCENE)
     support = replace(scene.model.supports[0], points=((2.0, 0.0),))
-    with prepare(replace(scene, model=replace(scene.model, supports=(support,), springs=())), comm) as plant:
-        assert plant.assembled.loose == ("rotation",)
+    with prepare(replace(scene, model=replace(scene.model, supports=(support,), springs=())), comm) as assembly:
+        assert assembly.plate.unrestrained == ("rotation",)
         with pytest.raises(ModelError, match="against rotation"):
-            Request("modal").check_held(scene, plant.assembled.loose)
-    with prepare(replace(scene, model=replace(scene.model, supports=(support,))), comm) as plant:
-        assert plant.assembled.loose == ()
+            Request("modal").check_held(scene, assembly.plate.unrestrained)
+    with prepare(replace(scene, model=replace(scene.model, supports=(support,))), comm) as assembly:
+        assert assembly.plate.unrestrained == ()

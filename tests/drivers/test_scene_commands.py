@@ -10,16 +10,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drivers.check import check_scene
-from drivers.memory import GIB, expected_bytes
-from drivers.new import new_scene, shipped
-from drivers.request import Request
-from drivers.scene import read_scene
-from drivers.scene_warnings import scene_warnings
-from meshes.checked import ModelError
+from uplift.drivers.analysis.check import check_scene
+from uplift.drivers.analysis.memory import GIB, expected_bytes
+from uplift.drivers.scene.cautions import scene_cautions
+from uplift.drivers.scene.request import Request
+from uplift.drivers.scene.scene import read_scene
+from uplift.drivers.scene.shipped import new_scene, shipped
+from uplift.meshes.checked import ModelError
 
 ROOT = Path(__file__).parents[2]
 SCENE = ROOT / "drivers" / "scenes" / "sdls119a.toml"
+
+
+def texts(scene, method=""):
+    return [finding.text for finding in scene_cautions(scene, method)]
 
 
 def drivers(*arguments):
@@ -43,7 +47,7 @@ def test_check_says_what_the_scene_is(comm, sdls119a):
     assert re.search(r"harmonic: +no; harmonic: missing", text)
     need = expected_bytes(sdls119a, Request("transient"), comm.size, None) / GIB
     assert f"transient:      yes, real PETSc, some {need:.2g} GiB; the scene's own" in text
-    assert "warning" not in text
+    assert "doubt" not in text
 
 
 def test_check_without_a_mesh_estimates(comm):
@@ -109,12 +113,12 @@ def test_new_names_what_it_cannot_do(tmp_path):
 def test_doubtful_scenes_are_warned_of(tmp_path, old, new, words):
     text = SCENE.read_text(encoding="utf-8")
     assert old in text
-    found = scene_warnings(scene_of(tmp_path, text.replace(old, new)))
+    found = texts(scene_of(tmp_path, text.replace(old, new)))
     assert any(words in warning for warning in found), found
 
 
 def test_shipped_scenes_are_not_doubtful():
-    assert {name: scene_warnings(read_scene(path)) for name, path in shipped().items()} == {name: [] for name in shipped()}
+    assert {name: texts(read_scene(path)) for name, path in shipped().items()} == {name: [] for name in shipped()}
 
 
 def test_share_of_energy_above_the_limit_is_that_of_the_wavelet(tmp_path):
@@ -124,7 +128,7 @@ def test_share_of_energy_above_the_limit_is_that_of_the_wavelet(tmp_path):
     f = np.linspace(0, 400, 400_001)
     energy = f**4 * np.exp(-2 * (f / 20.0) ** 2)
     share = energy[f > 20.0].sum() / energy.sum()
-    (warning,) = scene_warnings(scene_of(tmp_path, text))
+    (warning,) = texts(scene_of(tmp_path, text))
     found = re.fullmatch(r"load: (\d+)% of its energy lies above 20 Hz, where a period has fewer than 10 steps of 0.005 s", warning)
     assert float(found[1]) == pytest.approx(100 * share, abs=1.0)  # frequencies 0.2 Hz apart, and whole percents
 
@@ -137,12 +141,13 @@ def test_what_a_static_run_leaves_out_is_said(tmp_path):
     text = text.replace("frequency = 1.0 ", "frequency = 20.0 ")  # which no static run minds
     scene = scene_of(tmp_path, text + '\n[run]\nmethod = "static"\n')
     words = "the method static leaves out what acts in time, as its signal says: load, load 'SHOCK'"
-    assert scene_warnings(scene) == scene_warnings(scene, "static") == [words]
-    assert "Hz" in scene_warnings(scene, "transient")[0] and words not in scene_warnings(scene, "transient")
-    assert drivers("check", tmp_path / "scene.toml").stdout.splitlines()[-1] == f"warning     {words}"
+    assert texts(scene) == texts(scene, "static") == [words]
+    assert "Hz" in texts(scene, "transient")[0] and words not in texts(scene, "transient")
+    assert drivers("check", tmp_path / "scene.toml").stdout.splitlines()[-1] == f"doubt       {words}"
     done = drivers("run", tmp_path / "scene.toml", "--quiet", "--no-plots", "--out", tmp_path / "out")
-    assert (done.returncode, done.stderr) == (0, f"{words}\n")
-    assert json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))["warnings"] == [words]
+    assert (done.returncode, done.stderr) == (0, f"doubt: {words}\n")
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))
+    assert summary["findings"] == [{"key": "scene", "severity": "doubt", "text": words}]
 
 
 @pytest.mark.serial

@@ -9,18 +9,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drivers.analysis import prepare
-from drivers.methods import analyse
-from drivers.request import Request
-from drivers.scene import read_scene
-from drivers.scene_warnings import scene_warnings
-from meshes.checked import ModelError
+from uplift.drivers.analysis.analyse import analyse
+from uplift.drivers.analysis.assembled_scene import prepare
+from uplift.drivers.scene.cautions import scene_cautions
+from uplift.drivers.scene.request import Request
+from uplift.drivers.scene.scene import read_scene
+from uplift.meshes.checked import ModelError
 
 ROOT = Path(__file__).parents[2]
 SCENES = ROOT / "drivers" / "scenes"
 SDLS = (SCENES / "sdls119a.toml").read_text(encoding="utf-8")
 RAFT = (SCENES / "raft.toml").read_text(encoding="utf-8")
 BEFORE_LOAD, AFTER_LOAD = SDLS.split("[load]")[0], "[[supports]]" + SDLS.split("[[supports]]")[1]
+
+
+def texts(scene, method=""):
+    return [finding.text for finding in scene_cautions(scene, method)]
 
 
 def scene_of(tmp_path, text):
@@ -80,7 +84,7 @@ def test_record_that_does_not_fit_the_steps_is_warned_of(tmp_path, row, words):
     t = row * np.arange(int(5 / row) + 1)
     lines = [f"{time:.12g},{value:.12g}" for time, value in zip(t, np.sin(np.pi * t) ** 2, strict=True)]
     (tmp_path / "record.csv").write_text("\n".join(lines), encoding="utf-8")
-    warnings = scene_warnings(with_load(tmp_path, 'signal = "csv"\nfile = "record.csv"'))
+    warnings = texts(with_load(tmp_path, 'signal = "csv"\nfile = "record.csv"'))
     assert (len(warnings) == 1 and words in warnings[0]) if words else not warnings
 
 
@@ -103,9 +107,9 @@ def test_shares_of_a_file_multiply_stiffness_and_mass(tmp_path, comm):
     apart += mass.replace("500", "1000") + 'points = ["P3"]\n' + mass.replace("500", "250").replace('"M"', '"N"') + 'points = ["P4"]\n'
     values = []
     for made in (scene, scene_of(tmp_path, apart)):
-        with prepare(made, comm) as plant:
-            values.append(analyse(plant, Request("static")).final.probes)
-            assert plant.assembled.total_mass == pytest.approx(80_000.5 + 1250.0)
+        with prepare(made, comm) as assembly:
+            values.append(analyse(assembly, Request("static")).final.probes)
+            assert assembly.plate.total_mass == pytest.approx(80_000.5 + 1250.0)
     assert values[0] == pytest.approx(values[1], rel=1e-9)
 
 
@@ -142,8 +146,8 @@ def test_three_directions_at_once_are_the_sum_of_each(tmp_path, comm):
     ]
     answers = []
     for chosen in (loads, *([load] for load in loads)):
-        with prepare(scene_of(tmp_path, start + "".join(chosen) + end), comm) as plant:
-            answers.append(analyse(plant, Request("transient")).final.probes)
+        with prepare(scene_of(tmp_path, start + "".join(chosen) + end), comm) as assembly:
+            answers.append(analyse(assembly, Request("transient")).final.probes)
     together, *apart = answers
     assert all(np.max(np.abs(one)) > 1e-4 for one in apart)
     assert np.max(np.abs(together - sum(apart))) < 1e-9 * np.max(np.abs(together))

@@ -6,12 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from drivers.analysis import prepare
-from drivers.methods import analyse
-from drivers.request import Request
-from drivers.scene import build_scene, read_scene
-from meshes.checked import ModelError
 from tests.conftest import SCENES
+from uplift.drivers.analysis.analyse import analyse
+from uplift.drivers.analysis.assembled_scene import prepare
+from uplift.drivers.scene.request import Request
+from uplift.drivers.scene.scene import build_scene, read_scene
+from uplift.meshes.checked import ModelError
 
 
 def shortened(name):
@@ -27,9 +27,9 @@ def difference(one, other):
 
 def agreement(scene, comm, requests):
     """Largest difference of displacements and of contact forces of each request from the first one, relative."""
-    with prepare(scene, comm) as plant:
-        histories = [analyse(plant, request).final for request in requests]
-        law = plant.operators.contacts.law
+    with prepare(scene, comm) as assembly:
+        histories = [analyse(assembly, request).final for request in requests]
+        law = assembly.operators.contacts.law
         forces = [law.compression(law.tension(h.elongation), h.release) for h in histories]
         lifted = np.max(histories[0].release)
     pairs = zip(histories[1:], forces[1:], strict=True)

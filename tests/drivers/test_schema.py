@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from drivers.new import shipped
-from drivers.scene import build_scene
-from drivers.scene_table import Table
-from drivers.schema import NEEDED, page, sections
-from forms.supports import AXES
-from meshes.checked import ModelError
+from uplift.drivers.scene.scene import build_scene
+from uplift.drivers.scene.schema import NEEDED, page, sections
+from uplift.drivers.scene.shipped import shipped
+from uplift.drivers.scene.toml_table import Table
+from uplift.forms.contact.supports import AXES
+from uplift.meshes.checked import ModelError
 
 ROOT = Path(__file__).parents[2]
 

@@ -13,16 +13,15 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from drivers import stability as table
-from drivers import stability_laws as laws
-from drivers.analysis import prepare
-from drivers.stability_bench import ROUND_OFF, Bench, Finding, condition, contact_forces, toml
-from drivers.stability_cases import Case
-from drivers.stability_oracle import EXTENDED, DensePlate, complementary, element_matrices, inverse, solver
-from drivers.stability_page import Row, csv_text, page
-from drivers.stability_refusals import methods, refusals, windows
-from solvers.parameters import Scheme
 from tests.small import quadrilateral_matrices, to_dense
+from uplift.drivers.analysis.assembled_scene import prepare
+from uplift.drivers.evidence.stability import laws, table
+from uplift.drivers.evidence.stability.bench import ROUND_OFF, Bench, Finding, condition, contact_forces, toml
+from uplift.drivers.evidence.stability.cases import Case
+from uplift.drivers.evidence.stability.oracle import EXTENDED, DensePlate, complementary, element_matrices, inverse, solver
+from uplift.drivers.evidence.stability.page import Row, csv_text, page
+from uplift.drivers.evidence.stability.refusals import methods, refusals, windows
+from uplift.solvers.time_domain.scheme import Scheme
 
 pytestmark = pytest.mark.serial
 
@@ -107,13 +106,13 @@ def test_algebra_of_the_independent_model(precision):
 
 
 @pytest.mark.both
-def test_condition_numbers(plant):
-    dense = to_dense(plant.operators.stiffness).real
+def test_condition_numbers(assembly):
+    dense = to_dense(assembly.operators.stiffness).real
     values = np.linalg.eigvalsh(dense)
-    assert condition(plant.operators.stiffness) == pytest.approx(values[-1] / values[0], rel=0.1)
+    assert condition(assembly.operators.stiffness) == pytest.approx(values[-1] / values[0], rel=0.1)
     size = np.sqrt(np.diag(dense))
     values = np.linalg.eigvalsh(dense / size / size[:, None])
-    assert condition(plant.operators.stiffness, scaled=True, steps=200) == pytest.approx(values[-1] / values[0], rel=0.1)
+    assert condition(assembly.operators.stiffness, scaled=True, steps=200) == pytest.approx(values[-1] / values[0], rel=0.1)
 
 
 def slightly(value):
@@ -156,14 +155,14 @@ def test_drift_fails_where_a_stiffness_is_wrong(monkeypatch):
 
 def test_a_node_that_follows_the_plate_fails_its_row(monkeypatch):
     case = case_named("100000 kg under each contact")
-    monkeypatch.setattr("solvers.joints.FELT", 1e30)
+    monkeypatch.setattr("uplift.solvers.contact.auxiliary_nodes.FELT", 1e30)
     assert not holds(case, bench())
 
 
 def test_a_static_state_that_moves_or_a_start_without_a_warning_fails_its_row(monkeypatch):
     gap = case_named("gap of 5 mm, ten settling steps")
     assert holds(gap, bench())
-    monkeypatch.setattr("drivers.methods.SETTLED", 1.0)
+    monkeypatch.setattr("uplift.drivers.analysis.initial_state.SETTLED", 1.0)
     assert not holds(gap, bench())
     assert not holds(case_named("amplitude 0"), bench(load__amplitude=1e-9))
 
@@ -173,8 +172,8 @@ def test_rows_of_the_window_fail_without_a_warning(monkeypatch):
     short, cut = windows()[1], windows()[-1]
     assert short.name == "5.12 s, too short" and holds(short, bench()) and holds(cut, bench())
     assert not holds(cut, bench(load__frequency=lambda f: 1.1 * f))
-    monkeypatch.setattr("drivers.methods.WRAPPED", 1.0)
-    monkeypatch.setattr("drivers.methods.LOST", 1.0)
+    monkeypatch.setattr("uplift.drivers.analysis.time_frequency.WRAPPED", 1.0)
+    monkeypatch.setattr("uplift.drivers.analysis.time_frequency.LOST", 1.0)
     assert not holds(short, bench()) and not holds(cut, bench())
 
 
@@ -185,7 +184,7 @@ def test_two_methods_and_chatter_can_fail(monkeypatch):
     chatter = case_named("all supports 1e+12 N/m, average acceleration")
     assert holds(chatter, bench())
     # A contact that keeps a thousandth of what it should let go.
-    monkeypatch.setattr(laws, "contact_forces", lambda plant, history: contact_forces(plant, history) - 1e-3 * history.release)
+    monkeypatch.setattr(laws, "contact_forces", lambda assembly, history: contact_forces(assembly, history) - 1e-3 * history.release)
     assert not holds(chatter, bench())
 
 
@@ -244,5 +243,5 @@ def test_scenes_survive_being_written_as_toml(sdls119a):
 def test_independent_model_says_what_it_does_not_know(sdls119a, comm):
     with pytest.raises(ValueError, match="quadrilaterals of degree 1"):
         DensePlate(replace(sdls119a, plate=replace(sdls119a.plate, degree=2)))
-    with prepare(sdls119a, comm) as plant:
-        assert plant.operators.n == DensePlate(sdls119a).n
+    with prepare(sdls119a, comm) as assembly:
+        assert assembly.operators.n == DensePlate(sdls119a).n

@@ -7,10 +7,10 @@ import h5py
 import numpy as np
 import pytest
 
-from drivers.scene import read_scene
-from drivers.study import cases_of, changed, variation
-from meshes.checked import ModelError
 from tests.drivers.test_cli import SCENE, WARNINGS_ARE_ERRORS, drivers, read_history
+from uplift.drivers.scene.scene import read_scene
+from uplift.drivers.scene.vary import cases_of, changed, variation
+from uplift.meshes.checked import ModelError
 
 pytestmark = pytest.mark.serial
 

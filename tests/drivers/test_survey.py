@@ -11,15 +11,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drivers import survey, survey_cases, survey_runs
-from drivers.analysis import prepare
-from drivers.methods import analyse
-from drivers.request import Request
-from drivers.scene import build_scene
-from forms.signals import Ricker
-from meshes.checked import ModelError
-from solvers.history import History
-from solvers.passes import Passes
+from uplift.drivers.analysis.analyse import analyse
+from uplift.drivers.analysis.assembled_scene import prepare
+from uplift.drivers.evidence.survey import runs as survey_runs
+from uplift.drivers.evidence.survey import survey
+from uplift.drivers.evidence.survey.cases import CASES, COMMON, Case
+from uplift.drivers.scene.request import Request
+from uplift.drivers.scene.scene import build_scene
+from uplift.drivers.scene.vary import varied
+from uplift.forms.loads.signals import Ricker
+from uplift.meshes.checked import ModelError
+from uplift.solvers.contact.published_passes import Passes
+from uplift.solvers.history import History
 
 pytestmark = pytest.mark.serial
 
@@ -83,7 +86,7 @@ def test_bad_input_is_code_2(tmp_path):
 def test_variations_change_what_they_name_and_nothing_else(sdls119a):
     table = sdls119a.source
     before = copy.deepcopy(table)
-    changed = {case.name: survey_cases.varied(table, survey_cases.COMMON | case.changes) for case in survey_cases.CASES}
+    changed = {case.name: varied(table, COMMON | case.changes) for case in CASES}
     scenes = {name: build_scene(entries, SCENE.parent) for name, entries in changed.items()}
     assert table == before
     reference = scenes["reference"]
@@ -99,10 +102,10 @@ def test_variations_change_what_they_name_and_nothing_else(sdls119a):
     penalty = scenes["penalty 1e13 N/m"].model.supports[0]
     assert (penalty.stiffness[:2], penalty.contact[:2]) == ((1e13, 1e8), (1e13, 1e13))
     with pytest.raises(ModelError, match="the survey varies it"):
-        survey_cases.varied({"plate": {}}, {"plate.young": lambda old: 10 * old})
-    odd = survey_cases.Case("odd", {"plate.young": -1.0})
+        varied({"plate": {}}, {"plate.young": lambda old: 10 * old})
+    odd = Case("odd", {"plate.young": -1.0})
     fitting, left_out = survey.fitting_cases(
-        [survey_cases.CASES[0], odd], lambda case: build_scene(survey_cases.varied(table, case.changes), SCENE.parent)
+        [CASES[0], odd], lambda case: build_scene(varied(table, case.changes), SCENE.parent)
     )
     assert len(fitting) == 1 and left_out == ["odd (plate.young: expected > 0 Pa, got -1.0)"]
 
@@ -125,16 +128,16 @@ def test_causal_convolution(nt):
 def test_superposed_passes_are_those_of_time_stepping(sdls119a, comm):
     """Also where a contact is in tension at time 0: one support lies deeper than the others."""
     changes = {"transient.duration": 1.5, "load.amplitude": 8.0, "load.center": 0.9}
-    table = survey_cases.varied(sdls119a.source, survey_cases.COMMON | changes)
+    table = varied(sdls119a.source, COMMON | changes)
     support = table["supports"][0]
     del support["edge"], support["count"]
     shallow = support | {"points": [[x, 0.0] for x in (0.0, 1.0, 3.0, 4.0)]}
     table["supports"] = [shallow, support | {"name": "DEEP", "points": [[2.0, 0.0]], "gap": 0.05}]
-    with prepare(build_scene(table, SCENE.parent), comm) as plant:
-        law = plant.operators.contacts.law
-        stepped = analyse(plant, Request("transient", 4)).passes
+    with prepare(build_scene(table, SCENE.parent), comm) as assembly:
+        law = assembly.operators.contacts.law
+        stepped = analyse(assembly, Request("transient", 4)).passes
         assert law.release(stepped.histories[0].elongation)[0].max() > 0
-        solve = survey_runs.superposed(plant, stepped.histories[0])
+        solve = survey_runs.superposed(assembly, stepped.histories[0])
         assert solve(None) is stepped.histories[0]
         for there in stepped.histories[1:]:
             here = solve(there.release)
@@ -180,5 +183,5 @@ def test_disagreement_fails_the_survey(tmp_path, monkeypatch, comm, capsys, diff
     assert survey.survey(comm, SCENE, out, quick=False, quiet=False) is agree
     page = out.read_text(encoding="utf-8")
     assert ("The methods agree" in page, "do not agree" in page) == (agree, not agree)
-    assert set(rows(page, "Uplift solved exactly")) == {case.name for case in survey_cases.CASES}
+    assert set(rows(page, "Uplift solved exactly")) == {case.name for case in CASES}
     assert ("FAILED" in capsys.readouterr().out) is not agree

@@ -1,6 +1,6 @@
 import pytest
 
-from drivers import verify as module
+from uplift.drivers.evidence import verify as module
 
 
 @pytest.mark.serial

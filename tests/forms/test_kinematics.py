@@ -3,15 +3,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from drivers.analysis import prepare
-from drivers.scene import read_scene
-from forms.kinematics import Kinematics, choose, degree_of
-from forms.material import Material
-from forms.parameters import Force, GroundMotion, PlateModel, Pressure
-from forms.signals import Constant
-from forms.supports import Spring, Support
-from meshes.checked import ModelError
 from tests.conftest import SCENES
+from uplift.drivers.analysis.assembled_scene import prepare
+from uplift.drivers.scene.scene import read_scene
+from uplift.forms.contact.supports import Spring, Support
+from uplift.forms.loads.signals import Constant
+from uplift.forms.parameters import Force, GroundMotion, PlateModel, Pressure
+from uplift.forms.shells.kinematics import Kinematics, choose, degree_of
+from uplift.forms.shells.material import Material
+from uplift.meshes.checked import ModelError
 
 CONCRETE = Material(3e10, 0.2, 2500.0, 1.0)
 BED = Support("B", ((0.0, 0.0),), (0.0, 0.0, 1e7), (0.0, 0.0, 1e9), unilateral="Z")
@@ -66,7 +66,7 @@ def test_degrees():
 @pytest.mark.both
 def test_no_more_dofs_and_forms_than_a_scene_needs(comm, monkeypatch):
     """Dofs a node by kinematics, and the forms that are compiled: without pressure there is no form for it."""
-    import drivers.analysis as analysis
+    from uplift.drivers.analysis import assembled_scene as analysis
 
     compiled = []
     real = analysis.form_compiler
@@ -90,22 +90,22 @@ def test_no_more_dofs_and_forms_than_a_scene_needs(comm, monkeypatch):
         (scene.model, Kinematics("shell"), ("DX", "DY", "DZ", "DRX", "DRY"), 2),
     ):
         compiled.clear()
-        with prepare(replace(scene, model=model, kinematics=kinematics), comm) as plant:
-            assert plant.assembled.components == components
-            assert plant.operators.n == nodes * len(components) + 121
+        with prepare(replace(scene, model=model, kinematics=kinematics), comm) as assembly:
+            assert assembly.plate.components == components
+            assert assembly.operators.n == nodes * len(components) + 121
             assert len(compiled) == forms
 
 
 def test_sdls119_as_a_shell_gives_the_same_digits(comm, sdls119a):
-    from drivers.methods import analyse
-    from drivers.request import Request
+    from uplift.drivers.analysis.analyse import analyse
+    from uplift.drivers.scene.request import Request
 
     histories = []
     for scene in (sdls119a, read_scene(SCENES / "sdls119-shell.toml")):
-        with prepare(scene, comm) as plant:
-            histories.append(analyse(plant, Request("transient")).final)
-            names = plant.operators.probes.names
-            dofs = plant.operators.n
+        with prepare(scene, comm) as assembly:
+            histories.append(analyse(assembly, Request("transient")).final)
+            names = assembly.operators.probes.names
+            dofs = assembly.operators.n
     # 45 nodes with DX, DY, DRX (DZ and DRY are imposed, a flat plate has no DRZ) and ten dofs of joints.
     assert dofs == 45 * 3 + 10
     assert names == ("P3.DX", "P3.DY", "P3.DZ")

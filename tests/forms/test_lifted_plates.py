@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from numpy.polynomial import legendre
 
-from drivers.analysis import prepare
-from drivers.methods import analyse
-from drivers.request import Request
-from drivers.scene import build_scene
 from tests.mindlin import LegendrePlate
+from uplift.drivers.analysis.analyse import analyse
+from uplift.drivers.analysis.assembled_scene import prepare
+from uplift.drivers.scene.request import Request
+from uplift.drivers.scene.scene import build_scene
 
 RIGID = 1e15
 """N/m of the contacts, which stand for nothing else than contact."""
@@ -66,9 +66,9 @@ def strip(comm, load, weight, bed, gap=0.0):
         "gravity": {"acceleration": 10.0}, "supports": supports, "load": loads,
         "probes": [{"name": f"P{i}", "point": [x, 0.5]} for i, x in enumerate(stations)],
     }
-    with prepare(build_scene(table, Path()), comm) as plant:
-        history = analyse(plant, Request("static")).final
-        law = plant.operators.contacts.law
+    with prepare(build_scene(table, Path()), comm) as assembly:
+        history = analyse(assembly, Request("static")).final
+        law = assembly.operators.contacts.law
         force = law.compression(law.tension(history.elongation), history.release)[0]
         return stations, history.probes[0], force.reshape(3, -1).sum(axis=0), history.reactions[0]
 
@@ -130,9 +130,9 @@ def raft(comm, load, n, bed):
         "supports": [{"name": "BED", "contact": {"Z": RIGID}, "unilateral": "Z", **bed}],
         "probes": [{"name": name, "point": point} for name, point in (("CORNER", "P3"), ("MIDDLE", [5.0, 5.0]))],
     }
-    with prepare(build_scene(table, Path()), comm) as plant:
-        history = analyse(plant, Request("static")).final
-        contacts = plant.operators.contacts
+    with prepare(build_scene(table, Path()), comm) as assembly:
+        history = analyse(assembly, Request("static")).final
+        contacts = assembly.operators.contacts
         force = contacts.law.compression(contacts.law.tension(history.elongation), history.release)[0]
         return contacts.points[:, :2], force, history.probes[0]
 

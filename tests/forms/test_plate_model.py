@@ -3,16 +3,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from drivers.analysis import prepare
-from forms.kinematics import Kinematics
-from forms.material import Material
-from forms.parameters import GroundMotion, PlateModel, Probe
-from forms.signals import Constant
-from forms.supports import Spring, Support
-from meshes.checked import ModelError
-from meshes.plate import Plate
-from solvers.newmark import static_state
 from tests.small import quadrilateral_matrices, to_dense
+from uplift.drivers.analysis.assembled_scene import prepare
+from uplift.forms.contact.supports import Spring, Support
+from uplift.forms.loads.signals import Constant
+from uplift.forms.parameters import GroundMotion, PlateModel, Probe
+from uplift.forms.shells.kinematics import Kinematics
+from uplift.forms.shells.material import Material
+from uplift.meshes.checked import ModelError
+from uplift.meshes.plate import Plate
+from uplift.solvers.time_domain.initial import static_state
 
 
 def bare(scene, plate=None, **model):
@@ -20,32 +20,32 @@ def bare(scene, plate=None, **model):
     return replace(scene, plate=plate or scene.plate, model=replace(scene.model, **model))
 
 
-def test_reference_case_has_100_dofs_and_its_mass(plant):
-    assert plant.operators.n == 100
+def test_reference_case_has_100_dofs_and_its_mass(assembly):
+    assert assembly.operators.n == 100
     # 4 m x 8 m x 1 m of 2500 kg/m3 and five joints of 0.1 kg; a sum of some 50 terms keeps 14 digits.
-    assert abs(plant.assembled.total_mass - 80_000.5) < 1e-9 * 80_000.5
-    assert plant.assembled.joint_mass == pytest.approx(0.5, rel=1e-15)
+    assert abs(assembly.plate.total_mass - 80_000.5) < 1e-9 * 80_000.5
+    assert assembly.plate.joint_mass == pytest.approx(0.5, rel=1e-15)
 
 
-def test_weight_and_ground_motion_are_mass_times_acceleration(plant):
-    gravity, motion = plant.operators.loads
-    dense = to_dense(plant.operators.mass)
-    static = static_state(plant.operators)
+def test_weight_and_ground_motion_are_mass_times_acceleration(assembly):
+    gravity, motion = assembly.operators.loads
+    dense = to_dense(assembly.operators.mass)
+    static = static_state(assembly.operators)
     with static:
-        reach = to_dense(plant.operators.stiffness)
+        reach = to_dense(assembly.operators.stiffness)
         assert reach.shape == dense.shape
-    total = plant.operators.comm.allreduce(float(np.sum(np.real(gravity.vector.array))))
+    total = assembly.operators.comm.allreduce(float(np.sum(np.real(gravity.vector.array))))
     # Rows of joints hold the elongation of their contact, on which a weight acts with the opposite sign: 5 x 0.1 kg less.
     assert total == pytest.approx(-9.81 * (80_000.5 - 0.5), rel=1e-12)
     assert gravity.static and not motion.static
 
 
 @pytest.mark.both
-def test_static_answer_of_the_reference_case(plant):
-    with static_state(plant.operators) as state:
-        probes = plant.operators.probes
+def test_static_answer_of_the_reference_case(assembly):
+    with static_state(assembly.operators) as state:
+        probes = assembly.operators.probes
         here = probes.total(probes.partial(np.real(state.displacement.array_r)))
-        contacts = plant.operators.contacts
+        contacts = assembly.operators.contacts
         tension = contacts.law.tension(contacts.elongation.total(contacts.elongation.partial(np.real(state.displacement.array_r))))
     # DY as printed by the source to eight digits; DX, a thousandth of it, keeps fewer there.
     assert here[1] == pytest.approx(-7.0878060e-03, rel=1e-8)
@@ -55,8 +55,8 @@ def test_static_answer_of_the_reference_case(plant):
     assert np.allclose(tension, tension[::-1], rtol=1e-9)
 
 
-def test_matrices_are_symmetric(plant):
-    operators = plant.operators
+def test_matrices_are_symmetric(assembly):
+    operators = assembly.operators
     for matrix in (operators.stiffness, operators.mass, operators.damping):
         dense = to_dense(matrix)
         assert np.array_equal(dense, dense.T) or np.max(np.abs(dense - dense.T)) < 1e-15 * np.max(np.abs(dense))
@@ -65,21 +65,21 @@ def test_matrices_are_symmetric(plant):
 
 def test_matrices_equal_a_hand_written_element(sdls119a, comm):
     scene = bare(sdls119a, Plate(1.0, 2.0, 1, 1), supports=(), springs=(), probes=(Probe("P3", (1.0, 2.0)),))
-    with prepare(scene, comm) as plant:
+    with prepare(scene, comm) as assembly:
         corners = np.array([[0, 0], [1, 0], [1, 2], [0, 2]], dtype=float)
         material = scene.model.material
         expected = quadrilateral_matrices(corners, material.young, material.poisson, material.density, material.thickness)
-        operators = plant.operators
-        coordinates = plant.assembled.space.tabulate_dof_coordinates()[: plant.assembled.numbering.n_field // 2, :2]
+        operators = assembly.operators
+        coordinates = assembly.plate.space.tabulate_dof_coordinates()[: assembly.plate.numbering.n_field // 2, :2]
         order = np.concatenate(comm.allgather([int(np.argmin(np.linalg.norm(corners - x, axis=1))) for x in coordinates])).astype(int)
         dofs = np.stack([2 * order, 2 * order + 1], axis=1).ravel()
         for matrix, dense in zip((operators.stiffness, operators.mass), expected, strict=True):
             assert np.max(np.abs(to_dense(matrix) - dense[np.ix_(dofs, dofs)])) < 1e-14 * np.max(np.abs(dense))
 
 
-def test_damping_is_that_of_the_plate_alone(plant):
-    operators, material = plant.operators, plant.scene.model.material
-    bare_scene = bare(plant.scene, supports=(), springs=())
+def test_damping_is_that_of_the_plate_alone(assembly):
+    operators, material = assembly.operators, assembly.scene.model.material
+    bare_scene = bare(assembly.scene, supports=(), springs=())
     with prepare(bare_scene, operators.comm) as plate:
         stiffness, mass = (to_dense(m) for m in (plate.operators.stiffness, plate.operators.mass))
     expected = material.alpha * stiffness + material.beta * mass
@@ -92,8 +92,8 @@ def test_damping_is_that_of_the_plate_alone(plant):
 
 def test_undamped_scene_has_no_damping_matrix(sdls119a, comm):
     scene = bare(sdls119a, material=replace(sdls119a.model.material, alpha=0.0, beta=0.0))
-    with prepare(scene, comm) as plant:
-        assert plant.operators.damping is None
+    with prepare(scene, comm) as assembly:
+        assert assembly.operators.damping is None
 
 
 @pytest.mark.parametrize("cell", ["quadrilateral", "triangle"])
@@ -101,9 +101,9 @@ def test_undamped_scene_has_no_damping_matrix(sdls119a, comm):
 def test_uniform_tension_is_exact_on_every_mesh(sdls119a, comm, cell, degree):
     """Patch test: a linear displacement field costs the strain energy of its constant stress."""
     scene = bare(sdls119a, Plate(4.0, 8.0, 3, 5, cell, degree), supports=(), springs=())
-    with prepare(scene, comm) as plant:
-        numbering, operators = plant.assembled.numbering, plant.operators
-        x = plant.assembled.space.tabulate_dof_coordinates()[: numbering.n_field // 2]
+    with prepare(scene, comm) as assembly:
+        numbering, operators = assembly.plate.numbering, assembly.operators
+        x = assembly.plate.space.tabulate_dof_coordinates()[: numbering.n_field // 2]
         gradient = np.array([[1e-3, 2e-4], [-5e-4, 7e-4]])
         u = numbering.vector((x[:, :2] @ gradient.T).ravel())
         force = operators.new_vector()
@@ -119,9 +119,9 @@ def test_uniform_tension_is_exact_on_every_mesh(sdls119a, comm, cell, degree):
 
 def test_rigid_motions_cost_no_energy(sdls119a, comm):
     scene = bare(sdls119a, supports=(), springs=())
-    with prepare(scene, comm) as plant:
-        numbering, operators = plant.assembled.numbering, plant.operators
-        x = plant.assembled.space.tabulate_dof_coordinates()[: numbering.n_field // 2]
+    with prepare(scene, comm) as assembly:
+        numbering, operators = assembly.plate.numbering, assembly.operators
+        x = assembly.plate.space.tabulate_dof_coordinates()[: numbering.n_field // 2]
         for u, v in ((np.ones(len(x)), 0 * x[:, 0]), (0 * x[:, 0], np.ones(len(x))), (-x[:, 1], x[:, 0])):
             rigid = numbering.vector(np.stack([u, v], axis=1).ravel())
             force = operators.new_vector()
@@ -133,12 +133,12 @@ def test_rigid_motions_cost_no_energy(sdls119a, comm):
 
 def test_probe_between_nodes_interpolates(sdls119a, comm):
     probes = (Probe("A", (1.3, 2.6)), Probe("B", (4.0, 8.0)))
-    with prepare(bare(sdls119a, probes=probes), comm) as plant:
-        numbering = plant.assembled.numbering
-        x = plant.assembled.space.tabulate_dof_coordinates()[: numbering.n_field // 2]
+    with prepare(bare(sdls119a, probes=probes), comm) as assembly:
+        numbering = assembly.plate.numbering
+        x = assembly.plate.space.tabulate_dof_coordinates()[: numbering.n_field // 2]
         bilinear = np.stack([1 + 2 * x[:, 0] + 3 * x[:, 1], x[:, 0] - x[:, 1]], axis=1)
         values = numbering.vector(bilinear.ravel()).array
-        functionals = plant.operators.probes
+        functionals = assembly.operators.probes
         assert functionals.names == ("A.DX", "A.DY", "B.DX", "B.DY")
         here = functionals.total(functionals.partial(values))
         assert np.allclose(here, [1 + 2.6 + 7.8, 1.3 - 2.6, 33.0, -4.0], atol=1e-12)
@@ -160,11 +160,11 @@ def test_what_does_not_fit_the_mesh_is_named_on_all_ranks(sdls119a, comm, change
 def test_a_model_without_loads_has_none(comm, sdls119a):
     model = PlateModel(Material(1e8, 0.2, 2000.0, 0.5), probes=(Probe("P3", (4.0, 8.0)),))
     scene = replace(sdls119a, model=model, kinematics=Kinematics("plane stress"))
-    with prepare(scene, comm) as plant:
-        assert plant.operators.loads == []
-        assert plant.operators.contacts.names == ()
-        assert plant.operators.n == 90
+    with prepare(scene, comm) as assembly:
+        assert assembly.operators.loads == []
+        assert assembly.operators.contacts.names == ()
+        assert assembly.operators.n == 90
     motion = replace(model, motions=(GroundMotion((0.0, 1.0), Constant(2.0)),))
-    with prepare(replace(sdls119a, model=motion), comm) as plant:
-        total = comm.allreduce(float(np.sum(plant.operators.loads[0].vector.array)))
+    with prepare(replace(sdls119a, model=motion), comm) as assembly:
+        total = comm.allreduce(float(np.sum(assembly.operators.loads[0].vector.array)))
         assert total == pytest.approx(-32 * 0.5 * 2000.0, rel=1e-12)

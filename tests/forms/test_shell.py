@@ -16,15 +16,15 @@ from petsc4py import PETSc
 from scipy import linalg, sparse
 from scipy.sparse.linalg import eigsh, splu
 
-from forms import shell
-from forms.facets import common_normal, facet_of
-from meshes.checked import ModelError
+from uplift.forms.shells import shell
+from uplift.forms.shells.facets import common_normal, facet_of
+from uplift.meshes.checked import ModelError
 
 ELEMENTS = [("quadrilateral", 2), ("quadrilateral", 3), ("triangle", 3)]
 
 
 def targets(case):
-    path = Path(__file__).parents[2] / "drivers" / "reference" / "benchmarks.csv"
+    path = Path(__file__).parents[2] / "drivers" / "evidence" / "reference" / "benchmarks.csv"
     lines = [line for line in path.read_text().splitlines() if not line.startswith("#")]
     return np.array([float(row["target"]) for row in csv.DictReader(lines) if row["case"] == case])
 

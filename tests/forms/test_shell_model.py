@@ -5,12 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drivers.analysis import prepare
-from drivers.methods import analyse
-from drivers.request import Request
-from drivers.scene import build_scene
-from meshes.checked import ModelError
 from tests.small import to_dense
+from uplift.drivers.analysis.analyse import analyse
+from uplift.drivers.analysis.assembled_scene import prepare
+from uplift.drivers.scene.request import Request
+from uplift.drivers.scene.scene import build_scene
+from uplift.meshes.checked import ModelError
 
 CLAMPED = {"group": "DGAU", "edge": "clamped"}
 STRIP = {"width": 10.0, "height": 1.0, "nx": 40, "ny": 1}
@@ -23,9 +23,10 @@ def scene(mesh=STRIP, plate=STEEL, **sections):
 
 
 def static(comm, **sections):
-    with prepare(scene(**sections), comm) as plant:
-        history = analyse(plant, Request("static")).final
-        return dict(zip(plant.operators.probes.names, history.probes[0], strict=True)), history, plant.operators.reactions.functionals.names
+    with prepare(scene(**sections), comm) as assembly:
+        history = analyse(assembly, Request("static")).final
+        operators = assembly.operators
+        return dict(zip(operators.probes.names, history.probes[0], strict=True)), history, operators.reactions.functionals.names
 
 
 BENDING = 2e11 * 0.1**3 / 12
@@ -93,10 +94,11 @@ def test_a_unilateral_bed_carries_the_weight_whatever_the_degree(comm, degree, c
     where = {"group": "DBAS", "per": "length"} if up == "Y" else {"group": "DAL1", "per": "area"}
     bed = {"name": "B", **where, "stiffness": {"X": 1e7, up: 1e7}, "contact": {"X": 1e12, up: 1e12}, "unilateral": up}
     mesh = {"width": 3.0, "height": 2.0, "nx": 3, "ny": 2, "degree": degree, "cell": cell}
-    with prepare(scene(mesh, supports=[bed], gravity={"acceleration": 9.81}, probes=[{"name": "TIP", "point": [3.0, 2.0]}]), comm) as plant:
-        assert plant.assembled.kind == kind
-        history = analyse(plant, Request("static")).final
-        law = plant.operators.contacts.law
+    standing = scene(mesh, supports=[bed], gravity={"acceleration": 9.81}, probes=[{"name": "TIP", "point": [3.0, 2.0]}])
+    with prepare(standing, comm) as assembly:
+        assert assembly.plate.kind == kind
+        history = analyse(assembly, Request("static")).final
+        law = assembly.operators.contacts.law
         force = law.compression(law.tension(history.elongation), history.release)
         assert np.all(1 / law.flexibility > 0)
         assert np.sum(1 / law.flexibility) == pytest.approx(1e7 * (3.0 if up == "Y" else 6.0), rel=1e-4)
@@ -113,9 +115,9 @@ def test_parts_have_their_own_material_and_damping(comm):
     load = [{"direction": "Z", "signal": "step"}]
 
     def matrices(plate, parts=()):
-        with prepare(scene(halves, plate, parts=list(parts), load=load, probes=[{"name": "P", "point": [4.0, 1.0]}]), comm) as plant:
-            operators = plant.operators
-            return plant.assembled.total_mass, *(to_dense(m) for m in (operators.stiffness, operators.mass, operators.damping))
+        with prepare(scene(halves, plate, parts=list(parts), load=load, probes=[{"name": "P", "point": [4.0, 1.0]}]), comm) as assembly:
+            operators = assembly.operators
+            return assembly.plate.total_mass, *(to_dense(m) for m in (operators.stiffness, operators.mass, operators.damping))
 
     total, _, _, damping = matrices(left, [{"group": "RIGHT", **right}])
     assert total == pytest.approx(0.1 * 2 * (8000 + 2500), rel=1e-12)
@@ -136,9 +138,9 @@ def test_point_masses_move_with_the_plate(comm):
     load = [{"direction": "Z", "signal": "step", "amplitude": 2.0}]
     made = scene(mesh, plate, masses=masses, springs=springs, load=load, probes=[{"name": "P", "point": [1.0, 1.0]}],
                  transient={"step": 2.5e-4, "duration": 0.5, "start": "rest"})
-    with prepare(made, comm) as plant:
-        assert plant.assembled.total_mass == pytest.approx(1000.0, rel=1e-5)
-        history = analyse(plant, Request("transient")).final
+    with prepare(made, comm) as assembly:
+        assert assembly.plate.total_mass == pytest.approx(1000.0, rel=1e-5)
+        history = analyse(assembly, Request("transient")).final
     omega = np.sqrt(4e5 / 1000.0)
     assert history.probes[:, 0] == pytest.approx(-2.0 / omega**2 * (1 - np.cos(omega * history.times)), abs=2e-4 * 2 / omega**2)
 
@@ -146,14 +148,14 @@ def test_point_masses_move_with_the_plate(comm):
 def test_rocking_of_the_ground_is_a_field_of_accelerations(comm):
     """Angular acceleration about an axis gives each mass its arm's acceleration; about X the loads balance about X alone."""
     about_x = {"direction": "RX", "signal": "step", "center_of_rotation": [0.0, 0.5, 0.0]}
-    with prepare(scene(load=[about_x], conditions=[CLAMPED]), comm) as plant:
-        twist = plant.operators.loads[0].vector
-        weight = plant.assembled.translations["Z"]
+    with prepare(scene(load=[about_x], conditions=[CLAMPED]), comm) as assembly:
+        twist = assembly.operators.loads[0].vector
+        weight = assembly.plate.translations["Z"]
         assert abs(twist.dot(weight)) < 1e-9 * twist.norm() * weight.norm()
     springs = [{"name": "S", "group": "DAL1", "stiffness": {"Z": 1.0}}]
-    with prepare(scene(load=[{"direction": "RY", "signal": "step"}], springs=springs), comm) as plant:
+    with prepare(scene(load=[{"direction": "RY", "signal": "step"}], springs=springs), comm) as assembly:
         # -M theta'' x: the force at distance x from the axis along Y points upwards (RY moves points at x > 0 down).
-        total = comm.allreduce(float(np.sum(np.real(plant.operators.loads[0].vector.array_r))))
+        total = comm.allreduce(float(np.sum(np.real(assembly.operators.loads[0].vector.array_r))))
         assert total == pytest.approx(8000 * 0.1 * 10.0 * 5.0, rel=1e-9)
 
 
@@ -176,7 +178,7 @@ def test_what_does_not_fit_the_mesh_is_named_by_key(comm, sections, key, words):
 
 
 @pytest.mark.parametrize(
-    ("sections", "loose"),
+    ("sections", "unrestrained"),
     [
         ({}, ("moving along Z", "rotation about X", "rotation about Y")),
         ({"conditions": [{"group": "DGAU", "edge": "soft"}]}, ("rotation about Y",)),
@@ -184,9 +186,9 @@ def test_what_does_not_fit_the_mesh_is_named_by_key(comm, sections, key, words):
         ({"springs": [{"name": "S", "points": ["P1"], "stiffness": {"Z": 1.0, "RX": 1.0, "RY": 1.0}}]}, ()),
     ],
 )
-def test_rigid_motions_that_nothing_resists(comm, sections, loose):
-    with prepare(scene(load=[{"kind": "pressure", "value": 1.0}], **sections), comm) as plant:
-        assert set(plant.assembled.loose) == set(loose)
+def test_rigid_motions_that_nothing_resists(comm, sections, unrestrained):
+    with prepare(scene(load=[{"kind": "pressure", "value": 1.0}], **sections), comm) as assembly:
+        assert set(assembly.plate.unrestrained) == set(unrestrained)
 
 
 def test_a_contact_cannot_open_where_the_plate_is_held(comm):
@@ -200,16 +202,16 @@ def test_harmonic_answers_against_dense_algebra(comm, tmp_path):
     """A damped strip, complex answers from the file against a dense solve of the gathered matrices."""
     import csv
 
-    from drivers.harmonic import respond
+    from uplift.drivers.studies.harmonic_files import respond
 
     made = scene({**STRIP, "nx": 4}, {**STEEL, "alpha": 1e-3, "beta": 0.5}, conditions=[CLAMPED],
                  load=[{"direction": "Z", "signal": "step"}, {"kind": "pressure", "name": "P", "value": 10.0}],
                  harmonic={"frequencies": [0.0, 0.4, 7.0]})
-    with prepare(made, comm) as plant:
-        respond(plant, tmp_path, plots=False)
-        k, m, c = (to_dense(x) for x in (plant.operators.stiffness, plant.operators.mass, plant.operators.damping))
-        vectors = [np.concatenate(comm.allgather(load.vector.array_r)) for load in plant.operators.loads]
-        row = np.concatenate(comm.allgather(plant.operators.probes.local.toarray()), axis=1)[0]
+    with prepare(made, comm) as assembly:
+        respond(assembly, tmp_path, plots=False)
+        k, m, c = (to_dense(x) for x in (assembly.operators.stiffness, assembly.operators.mass, assembly.operators.damping))
+        vectors = [np.concatenate(comm.allgather(load.vector.array_r)) for load in assembly.operators.loads]
+        row = np.concatenate(comm.allgather(assembly.operators.probes.local.toarray()), axis=1)[0]
     if comm.rank == 0:
         lines = list(csv.DictReader((tmp_path / "response.csv").read_text(encoding="utf-8").splitlines()))
         for line in lines:

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from scipy.signal import chirp
 
-from forms.signals import Noise, Ricker, Sweep, Table, read_accelerogram, tabulate, tapered
-from meshes.checked import ModelError
+from uplift.forms.loads.records import read_accelerogram
+from uplift.forms.loads.signals import Noise, Ricker, Sweep, Table, tabulate, tapered
+from uplift.meshes.checked import ModelError
 
 PULSE = Ricker(math.exp(1.5) / 2, 1.0, 1.92, 0.9)
 

@@ -3,8 +3,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from drivers.analysis import prepare
-from meshes.gather import gather_mesh, gather_nodal
+from uplift.drivers.analysis.assembled_scene import prepare
+from uplift.meshes.gather import gather_mesh, gather_nodal
 
 pytestmark = pytest.mark.both
 
@@ -13,9 +13,9 @@ pytestmark = pytest.mark.both
 @pytest.mark.parametrize("degree", [1, 2])
 def test_coordinates_come_back_at_their_nodes(sdls119a, comm, cell, degree):
     scene = replace(sdls119a, plate=replace(sdls119a.plate, cell=cell, degree=degree))
-    with prepare(scene, comm) as plant:
-        space = plant.assembled.space
-        mesh, values = gather_mesh(plant.tagged), gather_nodal(plant.tagged, space, space.tabulate_dof_coordinates())
+    with prepare(scene, comm) as assembly:
+        space = assembly.plate.space
+        mesh, values = gather_mesh(assembly.tagged), gather_nodal(assembly.tagged, space, space.tabulate_dof_coordinates())
     if comm.rank == 0:
         assert len(values) == len(mesh.points) == (4 * degree + 1) * (8 * degree + 1)
         assert np.max(np.abs(values - mesh.points)) < 1e-14 * 8

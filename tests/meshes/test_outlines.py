@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from meshes.checked import ModelError
-from meshes.outlines import area_vector, check_outlines
+from uplift.meshes.checked import ModelError
+from uplift.meshes.outlines import area_vector, check_outlines
 
 pytestmark = pytest.mark.serial
 

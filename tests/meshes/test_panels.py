@@ -3,13 +3,14 @@ from contextlib import nullcontext
 import numpy as np
 import pytest
 
-from meshes.checked import ModelError
-from meshes.export import write_mesh
-from meshes.gather import gather_mesh
-from meshes.imported import MeshFile
-from meshes.panels import Panel, Panels, _check_cells
-from meshes.plate import gmsh_session
-from meshes.tagged import build_mesh
+from uplift.meshes.checked import ModelError
+from uplift.meshes.export import write_mesh
+from uplift.meshes.gather import gather_mesh
+from uplift.meshes.gmsh_session import gmsh_session
+from uplift.meshes.imported import MeshFile
+from uplift.meshes.panels import Panel, Panels
+from uplift.meshes.panels_gmsh import check_cells
+from uplift.meshes.tagged import build_mesh
 
 SQUARE = ((0.0, 0.0, 0.0), (4.0, 0.0, 0.0), (4.0, 4.0, 0.0), (0.0, 4.0, 0.0))
 L_SHAPE = ((0.0, 0.0, 0.0), (3.0, 0.0, 0.0), (3.0, 1.0, 0.0), (1.0, 1.0, 0.0), (1.0, 2.0, 0.0), (0.0, 2.0, 0.0))
@@ -95,7 +96,7 @@ def test_plates_on_each_other_are_warned_of(comm, caplog):
     with caplog.at_level("WARNING"):
         tagged = build_mesh(comm, panels, as_it_is)
     assert tagged.mesh.topology.index_map(2).size_global == 24  # of 6 m x 4 m
-    words = "the plates 'A' and 'B' lie on each other, in part or whole; what both cover is there once"
+    words = "doubt: the plates 'A' and 'B' lie on each other, in part or whole; what both cover is there once"
     assert [record.getMessage() for record in caplog.records] == [words] * (comm.rank == 0)
 
 
@@ -124,7 +125,7 @@ def test_surfaces_that_lie_on_each_other_unjoined_are_refused():
             gmsh.model.occ.synchronize()
             gmsh.model.mesh.generate(2)
             with nullcontext() if sound else pytest.raises(ModelError, match="gmsh cannot join them"):
-                _check_cells(gmsh.model, 1e-6)
+                check_cells(gmsh.model, 1e-6)
 
 
 @pytest.mark.serial
@@ -136,7 +137,7 @@ def test_folded_cells_are_refused():
         inner = gmsh.model.mesh.getNodes(2, includeBoundary=False)[0][0]
         gmsh.model.mesh.setNode(inner, [5.0, 5.0, 0.0], [])
         with pytest.raises(ModelError, match="folded"):
-            _check_cells(gmsh.model, 1e-6)
+            check_cells(gmsh.model, 1e-6)
 
 
 @pytest.mark.parametrize(

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from meshes.panels import Panel, Panels
-from meshes.partition import keep_joints_whole, ranks_at_vertices
-from meshes.tagged import build_mesh
+from uplift.meshes.panels import Panel, Panels
+from uplift.meshes.partition import keep_joints_whole, ranks_at_vertices
+from uplift.meshes.tagged import build_mesh
 
 # Two cells side by side with a third standing on their common edge (1, 4), and a second such row above.
 ROWS = np.array([(0, 1, 3, 4), (1, 2, 4, 5), (1, 9, 4, 10), (3, 4, 6, 7), (4, 5, 7, 8), (4, 10, 7, 11)])

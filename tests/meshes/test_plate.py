@@ -3,11 +3,11 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from meshes.checked import ModelError
-from meshes.export import write_mesh
-from meshes.gather import gather_mesh
-from meshes.plate import EDGES, Plate
-from meshes.tagged import build_mesh
+from uplift.meshes.checked import ModelError
+from uplift.meshes.export import write_mesh
+from uplift.meshes.gather import gather_mesh
+from uplift.meshes.plate import EDGES, Plate
+from uplift.meshes.tagged import build_mesh
 
 
 def in_plane(flat, order):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import linalg
 
-from solvers.arnoldi import PairSpace
+from uplift.solvers.bases.arnoldi import PairSpace
 
 SIZE, COLUMNS = 9, 2
 

@@ -6,13 +6,16 @@ import h5py
 import numpy as np
 import pytest
 
-from drivers.analysis import prepare
-from forms.parameters import GroundMotion
-from meshes.checked import ModelError
-from solvers import reduced
-from solvers.basis_file import read_basis, write_basis
-from solvers.krylov import krylov_basis
-from solvers.parameters import KrylovSettings, Scheme
+from uplift.drivers.analysis.assembled_scene import prepare
+from uplift.forms.parameters import GroundMotion
+from uplift.meshes.checked import ModelError
+from uplift.solvers.bases.krylov import krylov_basis
+from uplift.solvers.bases.project import project
+from uplift.solvers.bases.reduced_march import march as reduced_march
+from uplift.solvers.bases.reduced_march import static_state as reduced_static_state
+from uplift.solvers.bases.settings import KrylovSettings
+from uplift.solvers.basis_file import read_basis, write_basis
+from uplift.solvers.time_domain.scheme import Scheme
 
 SETTINGS = KrylovSettings(tolerance=1e-3)
 
@@ -28,17 +31,17 @@ def with_support(scene, **changes):
 @pytest.fixture
 def stored(sdls119a, comm, tmp_path):
     path = comm.bcast(tmp_path, root=0) / "basis.h5"
-    with prepare(sdls119a, comm) as plant:
-        basis = krylov_basis(plant.operators, SETTINGS)
-        write_basis(path, plant.operators, basis, SETTINGS)
+    with prepare(sdls119a, comm) as assembly:
+        basis = krylov_basis(assembly.operators, SETTINGS)
+        write_basis(path, assembly.operators, basis, SETTINGS)
     return path, basis
 
 
 @pytest.mark.both
 def test_what_is_written_is_read(sdls119a, comm, stored):
     path, basis = stored
-    with prepare(sdls119a, comm) as plant:
-        again, settings = read_basis(path, plant.operators)
+    with prepare(sdls119a, comm) as assembly:
+        again, settings = read_basis(path, assembly.operators)
     assert settings == SETTINGS
     assert np.array_equal(again.vectors, basis.vectors)
     assert np.array_equal(again.projected.stiffness, basis.projected.stiffness)
@@ -51,11 +54,11 @@ def test_what_is_written_is_read(sdls119a, comm, stored):
 def test_another_gap_or_preload_uses_the_same_basis(sdls119a, comm, stored, change):
     """The answers in the basis that was made without them are those of a basis made with them."""
     reached = []
-    with prepare(with_support(sdls119a, **change), comm) as plant:
-        for basis in (read_basis(stored[0], plant.operators)[0], krylov_basis(plant.operators, KrylovSettings(tolerance=1e-6))):
-            model = reduced.project(plant.operators, basis)
-            start = reduced.static_state(model, exact_uplift=True)
-            reached.append(reduced.march(model, Scheme(), 0.01, 300, start=start, exact_uplift=True).history(model).probes)
+    with prepare(with_support(sdls119a, **change), comm) as assembly:
+        for basis in (read_basis(stored[0], assembly.operators)[0], krylov_basis(assembly.operators, KrylovSettings(tolerance=1e-6))):
+            model = project(assembly.operators, basis)
+            start = reduced_static_state(model, exact_uplift=True)
+            reached.append(reduced_march(model, Scheme(), 0.01, 300, start=start, exact_uplift=True).history(model).probes)
     assert np.max(np.abs(reached[0] - reached[1])) < 1e-4 * np.max(np.abs(reached[1]))
 
 
@@ -65,8 +68,8 @@ def test_another_model_is_refused(sdls119a, comm, stored):
     softer = with_support(sdls119a, stiffness=(1e15, 2e8))
     finer = replace(sdls119a, plate=replace(sdls119a.plate, nx=8))
     for scene, words in ((stiffer, "stiffness, mass, damping or contacts differ"), (softer, "another model"), (finer, "dofs instead of")):
-        with prepare(scene, comm) as plant, pytest.raises(ModelError, match=f"basis.h5: .*{words}") as caught:
-            read_basis(stored[0], plant.operators)
+        with prepare(scene, comm) as assembly, pytest.raises(ModelError, match=f"basis.h5: .*{words}") as caught:
+            read_basis(stored[0], assembly.operators)
         assert "\n" not in str(caught.value)
 
 
@@ -74,14 +77,14 @@ def test_loads_of_another_direction_are_refused(sdls119a, comm, stored):
     upwards = GroundMotion((0.0, 1.0), sdls119a.model.motions[0].signal)
     scene = with_model(sdls119a, motions=(upwards,), gravity=0.0)
     sideways_too = with_model(sdls119a, gravity=0.0)
-    with prepare(sideways_too, comm) as plant:
-        read_basis(stored[0], plant.operators)
-    with prepare(scene, comm) as plant:  # gravity was in it: the same vector but for its size
-        read_basis(stored[0], plant.operators)
-        load = plant.operators.loads[0]
-        load.vector.array[:] *= np.linspace(0.0, 1.0, plant.operators.n_local)
+    with prepare(sideways_too, comm) as assembly:
+        read_basis(stored[0], assembly.operators)
+    with prepare(scene, comm) as assembly:  # gravity was in it: the same vector but for its size
+        read_basis(stored[0], assembly.operators)
+        load = assembly.operators.loads[0]
+        load.vector.array[:] *= np.linspace(0.0, 1.0, assembly.operators.n_local)
         with pytest.raises(ModelError, match="static answer to the load 'ground motion' is not in the basis"):
-            read_basis(stored[0], plant.operators)
+            read_basis(stored[0], assembly.operators)
 
 
 @pytest.mark.serial
@@ -93,23 +96,23 @@ def test_damaged_and_foreign_files_are_refused(sdls119a, comm, stored, tmp_path)
     (tmp_path / "text.h5").write_text("no basis", encoding="utf-8")
     for part in (10, len(whole) // 2, len(whole) - 100):
         (tmp_path / f"{part}.h5").write_bytes(whole[:part])
-    with prepare(sdls119a, comm) as plant:
+    with prepare(sdls119a, comm) as assembly:
         damaged = ["text", "10", str(len(whole) // 2), str(len(whole) - 100)]
         expected = [("foreign.h5", "not a file of a basis"), ("missing.h5", "there is no such file")]
         for name, words in expected + [(f"{name}.h5", "not a whole HDF5 file") for name in damaged]:
             with pytest.raises(ModelError, match=f"{name}: {words}") as caught:
-                read_basis(tmp_path / name, plant.operators)
+                read_basis(tmp_path / name, assembly.operators)
             assert "\n" not in str(caught.value)
 
 
 @pytest.mark.serial
 def test_a_file_that_cannot_be_written_leaves_nothing(sdls119a, comm, stored, tmp_path):
     (tmp_path / "in the way").write_text("", encoding="utf-8")
-    with prepare(sdls119a, comm) as plant, pytest.raises(ModelError, match="cannot be written"):
-        write_basis(tmp_path / "in the way" / "b.h5", plant.operators, stored[1], SETTINGS)
+    with prepare(sdls119a, comm) as assembly, pytest.raises(ModelError, match="cannot be written"):
+        write_basis(tmp_path / "in the way" / "b.h5", assembly.operators, stored[1], SETTINGS)
     target = tmp_path / "folder.h5"
     target.mkdir()
     (target / "x").write_text("", encoding="utf-8")
-    with prepare(sdls119a, comm) as plant, pytest.raises(ModelError, match="cannot be written"):
-        write_basis(target, plant.operators, stored[1], SETTINGS)
+    with prepare(sdls119a, comm) as assembly, pytest.raises(ModelError, match="cannot be written"):
+        write_basis(target, assembly.operators, stored[1], SETTINGS)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["basis.h5", "folder.h5", "in the way"]

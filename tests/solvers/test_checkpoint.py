@@ -7,15 +7,17 @@ import h5py
 import numpy as np
 import pytest
 
-from meshes.checked import ModelError
-from solvers import watch as watching
-from solvers.checkpoint import Checkpoint, RowOrder, read_file, write_file
-from solvers.errors import Stopped
-from solvers.harmonic import harmonic_sweep
-from solvers.newmark import Newmark, static_state, transient
-from solvers.parameters import Scheme
-from solvers.watch import Watch
 from tests.conftest import COMPLEX
+from uplift.meshes.checked import ModelError
+from uplift.solvers import watch as watching
+from uplift.solvers.checkpoint import Checkpoint, RowOrder, read_file, write_file
+from uplift.solvers.errors import Stopped
+from uplift.solvers.frequency_domain.harmonic import harmonic_sweep
+from uplift.solvers.time_domain.initial import static_state
+from uplift.solvers.time_domain.march import transient
+from uplift.solvers.time_domain.newmark import Newmark
+from uplift.solvers.time_domain.scheme import Scheme
+from uplift.solvers.watch import Watch
 
 pytestmark = pytest.mark.both
 
@@ -36,10 +38,10 @@ def same(here, there, *, bits):
     return np.array_equal(here, there) if bits else np.max(np.abs(here - there)) <= 1e-10 * np.max(np.abs(here))
 
 
-def stopped_at(moments, run, folder, plant, monkeypatch):
+def stopped_at(moments, run, folder, assembly, monkeypatch):
     """Call `run(watch)` again and again, stopped by a signal at each of the moments in turn; return what the last one returns."""
     monkeypatch.setattr(watching, "MEETING", 0.0)  # the ranks meet at every step
-    comm, labels = plant.operators.comm, plant.assembled.labels
+    comm, labels = assembly.operators.comm, assembly.plate.labels
     for number, moment in enumerate(moments):
         watch = Watch(checkpoint=Checkpoint(folder, "this run", comm, labels, seconds=1e9, resume=number > 0))
 
@@ -53,7 +55,7 @@ def stopped_at(moments, run, folder, plant, monkeypatch):
     return run(Watch(checkpoint=Checkpoint(folder, "this run", comm, labels, seconds=1e9, resume=True)))
 
 
-def test_a_march_that_is_stopped_again_and_again_ends_in_the_same_bits(plant, shared_path, comm, monkeypatch):
+def test_a_march_that_is_stopped_again_and_again_ends_in_the_same_bits(assembly, shared_path, comm, monkeypatch):
     times = 10 if comm.size == 1 else 2
     moments = sorted(np.random.default_rng(1).choice(np.arange(2, STEPS - 2), times, replace=False).tolist())
 
@@ -68,7 +70,7 @@ def test_a_march_that_is_stopped_again_and_again_ends_in_the_same_bits(plant, sh
                 self.partial[row] = values[::7].sum()
 
         def kept(self):
-            return self.partial[None], np.zeros((plant.operators.n_local, 0))
+            return self.partial[None], np.zeros((assembly.operators.n_local, 0))
 
         def restore(self, shares, fields):
             self.partial[:] = shares[0]
@@ -77,15 +79,15 @@ def test_a_march_that_is_stopped_again_and_again_ends_in_the_same_bits(plant, sh
 
     def run(watch):
         with (
-            static_state(plant.operators, exact_uplift=True) as start,
-            Newmark(plant.operators, Scheme(), STEP, exact_uplift=True) as method,
+            static_state(assembly.operators, exact_uplift=True) as start,
+            Newmark(assembly.operators, Scheme(), STEP, exact_uplift=True) as method,
         ):
             middles.append(Middle())
             history = transient(method, start, STEPS, every=2, energy=True, observer=middles[-1], watch=watch)
             return history, method.compliance.problem.tries
 
     whole, tries = run(None)
-    broken, tries_too = stopped_at(moments, run, shared_path / "march", plant, monkeypatch)
+    broken, tries_too = stopped_at(moments, run, shared_path / "march", assembly, monkeypatch)
     assert tries == tries_too and whole.peak == broken.peak
     for name in ("probes", "elongation", "release", "reactions", "peak_field"):
         assert same(getattr(whole, name), getattr(broken, name), bits=comm.size == 1), name
@@ -97,22 +99,22 @@ def test_a_march_that_is_stopped_again_and_again_ends_in_the_same_bits(plant, sh
 
 
 @pytest.mark.skipif(not COMPLEX, reason="the sweep needs the complex build")
-def test_a_sweep_that_is_stopped_ends_in_the_same_bits(plant, shared_path, comm, monkeypatch):
+def test_a_sweep_that_is_stopped_ends_in_the_same_bits(assembly, shared_path, comm, monkeypatch):
     omega = 2 * np.pi * np.linspace(0, 25, 40)
     for groups in range(1, comm.size + 1):
-        whole = harmonic_sweep(plant.operators, omega, groups=groups)
+        whole = harmonic_sweep(assembly.operators, omega, groups=groups)
         moments = [m for m in range(1, len(omega) - 2 * groups) if m % groups == 0][3::7]
 
         def run(watch, groups=groups):
-            return harmonic_sweep(plant.operators, omega, groups=groups, watch=watch)
+            return harmonic_sweep(assembly.operators, omega, groups=groups, watch=watch)
 
-        broken = stopped_at(moments, run, shared_path / f"sweep{groups}", plant, monkeypatch)
+        broken = stopped_at(moments, run, shared_path / f"sweep{groups}", assembly, monkeypatch)
         for name in ("probes", "elongation", "resultants", "fields"):
             assert same(getattr(whole, name), getattr(broken, name), bits=groups == comm.size), (groups, name)
 
 
-def test_rows_have_an_order_that_knows_no_ranks(plant, comm):
-    labels = plant.assembled.labels
+def test_rows_have_an_order_that_knows_no_ranks(assembly, comm):
+    labels = assembly.plate.labels
     everyone = np.concatenate(comm.allgather(labels))
     order = RowOrder(comm, labels)
     whole = order.gather(labels)
@@ -120,8 +122,8 @@ def test_rows_have_an_order_that_knows_no_ranks(plant, comm):
         assert np.array_equal(whole, everyone[np.lexsort(everyone.T[::-1])])
     assert np.array_equal(order.scatter(whole, (5,), np.int64), labels)
     # The vertical displacement of all nodes under a rigid translation is 1, and so is that of the joints' ends: by place.
-    assert len({tuple(row) for row in everyone}) == plant.operators.n
-    with pytest.raises(RuntimeError, match="same label") if comm.rank == 0 and plant.operators.n > 1 and comm.size == 1 else no_error():
+    assert len({tuple(row) for row in everyone}) == assembly.operators.n
+    with pytest.raises(RuntimeError, match="same label") if comm.rank == 0 and assembly.operators.n > 1 and comm.size == 1 else no_error():
         if comm.size == 1:
             RowOrder(comm, np.zeros_like(labels))
 
@@ -182,7 +184,7 @@ def test_a_kill_between_writing_and_renaming_leaves_the_old_file(tmp_path, monke
     def killed(*_):
         raise OSError(errno.EIO, "killed")
 
-    monkeypatch.setattr("solvers.checkpoint.os.fsync", killed)
+    monkeypatch.setattr("uplift.solvers.checkpoint.os.fsync", killed)
     with pytest.raises(OSError, match="killed"):
         write_file(path, {"u": np.ones(3)}, "run", "rows")
     assert np.array_equal(read_file(path, "run", "rows")["u"], np.zeros(3))

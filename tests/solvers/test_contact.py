@@ -3,9 +3,9 @@ import itertools
 import numpy as np
 import pytest
 
-from forms.uplift import UpliftLaw
-from solvers.contact import ContactProblem
-from solvers.errors import SolverError
+from uplift.forms.contact.law import UpliftLaw
+from uplift.solvers.contact.step import ContactProblem
+from uplift.solvers.errors import SolverError
 
 
 def springs(rng, n, stiffness):

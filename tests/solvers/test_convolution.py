@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from solvers.convolution import OnlineConvolution
+from uplift.solvers.frequency_domain.convolution import OnlineConvolution
 
 
 def direct(kernel, values):

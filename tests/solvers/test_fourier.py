@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from solvers import fourier
+from uplift.solvers.frequency_domain import fourier
 
 
 def test_convention_is_the_documented_sum():

@@ -2,12 +2,15 @@ import numpy as np
 import pytest
 from scipy.special import gammaincc
 
-from forms.signals import Constant, Ricker
-from solvers.harmonic import FourierResponse, harmonic_sweep, shares_beyond
-from solvers.newmark import Newmark, at_rest, transient
-from solvers.parameters import Scheme, Window
 from tests import oscillator
 from tests.small import contact_on, dense_operators
+from uplift.forms.loads.signals import Constant, Ricker
+from uplift.solvers.frequency_domain.harmonic import FourierResponse, harmonic_sweep, shares_beyond
+from uplift.solvers.frequency_domain.window import Window
+from uplift.solvers.time_domain.march import transient
+from uplift.solvers.time_domain.newmark import Newmark
+from uplift.solvers.time_domain.scheme import Scheme
+from uplift.solvers.time_domain.state import at_rest
 
 pytestmark = [pytest.mark.serial, pytest.mark.complex]
 

@@ -7,18 +7,23 @@ import pytest
 from mpi4py import MPI
 from scipy import sparse
 
-from drivers.analysis import prepare
-from drivers.methods import analyse
-from drivers.request import Request
-from forms.operators import Contacts, Functionals
-from forms.signals import Constant
-from forms.supports import joint_term
-from forms.uplift import UpliftLaw
-from solvers import reduced
-from solvers.joints import FreeNodes
-from solvers.newmark import Newmark, static_state, transient
-from solvers.parameters import Scheme, generalised_alpha
 from tests.small import dense_operators
+from uplift.drivers.analysis.analyse import analyse
+from uplift.drivers.analysis.assembled_scene import prepare
+from uplift.drivers.scene.request import Request
+from uplift.forms.contact.law import UpliftLaw
+from uplift.forms.contact.supports import joint_term
+from uplift.forms.loads.signals import Constant
+from uplift.forms.operators import Contacts, Functionals
+from uplift.solvers.bases.basis import Basis
+from uplift.solvers.bases.project import project
+from uplift.solvers.bases.reduced_march import march as reduced_march
+from uplift.solvers.bases.reduced_march import static_state as reduced_static_state
+from uplift.solvers.contact.auxiliary_nodes import FreeNodes
+from uplift.solvers.time_domain.initial import static_state
+from uplift.solvers.time_domain.march import transient
+from uplift.solvers.time_domain.newmark import Newmark
+from uplift.solvers.time_domain.scheme import Scheme, generalised_alpha
 
 PLATE, NODE, SUPPORT, CONTACT, GRAVITY, UP = 10.0, 2.0, 800.0, 1e15, 9.81, 2.5
 
@@ -91,7 +96,7 @@ def test_either_side_of_the_threshold_is_the_same_answer(monkeypatch):
     step = 1e-3
     node = 0.9 * 1e-3 * step**2 * SUPPORT / 2
     left_out, _ = thrown(step, generalised_alpha(0.0), node=node)
-    monkeypatch.setattr("solvers.joints.FELT", 0.0)
+    monkeypatch.setattr("uplift.solvers.contact.auxiliary_nodes.FELT", 0.0)
     taken, _ = thrown(step, generalised_alpha(0.0), node=node)
     assert left_out.gap is None and taken.gap is not None
     assert taken.probes[:, 0] == pytest.approx(left_out.probes[:, 0], abs=1e-6)
@@ -102,10 +107,10 @@ def test_the_basis_that_spans_all_gives_the_same():
     scheme, step = generalised_alpha(0.0), 1e-3
     stepped, law = thrown(step, scheme)
     with operators() as model:
-        small = reduced.project(model, reduced.Basis(np.eye(2), MPI.COMM_SELF))
-        still = reduced.static_state(small)
+        small = project(model, Basis(np.eye(2), MPI.COMM_SELF))
+        still = reduced_static_state(small)
         start = dataclasses.replace(still, velocity=np.array([UP, 0.0]))
-        history = reduced.march(small, scheme, step, 400, start=start, exact_uplift=True).history(small)
+        history = reduced_march(small, scheme, step, 400, start=start, exact_uplift=True).history(small)
     assert history.probes[:, 0] == pytest.approx(stepped.probes[:, 0], abs=1e-9)
     assert history.openings(law)[:, 0] == pytest.approx(stepped.openings(law)[:, 0], abs=1e-9)
 
@@ -115,9 +120,9 @@ def test_sweep_and_stepping_agree_on_heavy_joints(sdls119a, comm):
     support = dataclasses.replace(sdls119a.model.supports[0], mass=1e5)
     settings = dataclasses.replace(sdls119a.transient, method="generalised-alpha", rho_infinity=0.0, start="static", every=1)
     scene = dataclasses.replace(sdls119a, model=dataclasses.replace(sdls119a.model, supports=(support,)), transient=settings)
-    with prepare(scene, comm) as plant:
-        law, mass = plant.operators.contacts.law, plant.assembled.total_mass
-        stepped, swept = (analyse(plant, Request(method)).final for method in ("transient", "time-frequency"))
+    with prepare(scene, comm) as assembly:
+        law, mass = assembly.operators.contacts.law, assembly.plate.total_mass
+        stepped, swept = (analyse(assembly, Request(method)).final for method in ("transient", "time-frequency"))
     assert np.max(np.abs(swept.probes - stepped.probes)) < 1e-9 * np.max(np.abs(stepped.probes))
     assert swept.openings(law) == pytest.approx(stepped.openings(law), abs=1e-9)
     assert swept.reactions == pytest.approx(stepped.reactions, rel=1e-6, abs=1.0)

@@ -5,21 +5,27 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from drivers.analysis import prepare
-from drivers.cost import refined
-from forms.supports import Spring
-from meshes.checked import ModelError
-from solvers import reduced
-from solvers.errors import SolverError
-from solvers.harmonic import harmonic_sweep
-from solvers.krylov import krylov_basis
-from solvers.laplace import laplace_run
-from solvers.newmark import Newmark, at_rest, static_state, transient
-from solvers.parameters import KrylovSettings, Scheme, hilber_hughes_taylor
-from solvers.reduced_sweep import ReducedSweep
-from solvers.springs import inside_contacts, spring_forces
 from tests import oscillator
 from tests.small import dense_operators, to_dense
+from uplift.drivers.analysis.assembled_scene import prepare
+from uplift.drivers.evidence.scaling.cost import refined
+from uplift.forms.contact.supports import Spring
+from uplift.meshes.checked import ModelError
+from uplift.solvers.bases.krylov import krylov_basis
+from uplift.solvers.bases.project import project
+from uplift.solvers.bases.reduced_march import march as reduced_march
+from uplift.solvers.bases.reduced_march import static_state as reduced_static_state
+from uplift.solvers.bases.settings import KrylovSettings
+from uplift.solvers.bases.springs import inside_contacts, spring_forces
+from uplift.solvers.bases.sweep import ReducedSweep
+from uplift.solvers.errors import SolverError
+from uplift.solvers.frequency_domain.harmonic import harmonic_sweep
+from uplift.solvers.frequency_domain.laplace import laplace_run
+from uplift.solvers.time_domain.initial import static_state
+from uplift.solvers.time_domain.march import transient
+from uplift.solvers.time_domain.newmark import Newmark
+from uplift.solvers.time_domain.scheme import Scheme, hilber_hughes_taylor
+from uplift.solvers.time_domain.state import at_rest
 
 pytestmark = pytest.mark.both
 
@@ -62,8 +68,8 @@ ESTIMATES = [
 def test_estimate_follows_the_error(sdls119a, comm, name, order, tolerance, shift):
     """In the norm of the energy, for every column, over frequencies that are neither built nor tested with."""
     scene = refined(sdls119a, 1 + order)
-    with prepare(on_springs(scene) if name == "springs" else scene, comm) as plant:
-        operators = plant.operators
+    with prepare(on_springs(scene) if name == "springs" else scene, comm) as assembly:
+        operators = assembly.operators
         if name == "dampers":
             with_dampers(operators)
         K, M, C = (np.real(to_dense(a)) for a in (operators.stiffness, operators.mass, operators.damping))
@@ -97,13 +103,13 @@ def test_estimate_follows_the_error(sdls119a, comm, name, order, tolerance, shif
 
 def full_and_reduced(scene, comm, settings, scheme=None, step=0.005, steps=600):
     scheme = scheme or Scheme()
-    with prepare(scene, comm) as plant, static_state(plant.operators, exact_uplift=True) as start:
-        operators = plant.operators
+    with prepare(scene, comm) as assembly, static_state(assembly.operators, exact_uplift=True) as start:
+        operators = assembly.operators
         with Newmark(operators, scheme, step, exact_uplift=True) as method:
             full = transient(method, start, steps)
-        model = reduced.project(operators, krylov_basis(operators, settings))
-        rest = reduced.static_state(model, exact_uplift=True)
-        marched = reduced.march(model, scheme, step, steps, start=rest, exact_uplift=True).history(model)
+        model = project(operators, krylov_basis(operators, settings))
+        rest = reduced_static_state(model, exact_uplift=True)
+        marched = reduced_march(model, scheme, step, steps, start=rest, exact_uplift=True).history(model)
         swept = laplace_run(operators, scheme, step, steps, start, solve=ReducedSweep(model)).history
     assert np.max(full.release) > 0
     return full, marched, swept
@@ -135,8 +141,8 @@ def test_a_line_of_springs_costs_no_columns(sdls119a, comm):
     """As many vectors on twice as many springs, and the march in all dofs."""
     sizes = []
     for factor in (2, 4):
-        with prepare(on_springs(refined(sdls119a, factor)), comm) as plant:
-            sizes.append(krylov_basis(plant.operators, KrylovSettings(tolerance=1e-6)).size)
+        with prepare(on_springs(refined(sdls119a, factor)), comm) as assembly:
+            sizes.append(krylov_basis(assembly.operators, KrylovSettings(tolerance=1e-6)).size)
     assert sizes[0] == pytest.approx(sizes[1], rel=0.1)
     full, marched, swept = full_and_reduced(on_springs(refined(sdls119a, 2)), comm, KrylovSettings(tolerance=1e-6))
     for here in (marched, swept):
@@ -156,7 +162,7 @@ def test_a_small_space_is_used_up():
     loads = [(oscillator.FORCE, np.ones_like, False)]
     with dense_operators(oscillator.STIFFNESS, oscillator.MASS, oscillator.DAMPING, loads) as operators:
         basis = krylov_basis(operators, KrylovSettings(tolerance=1e-12, band=2.0))
-        here = harmonic_sweep(operators, np.array([0.0, 3.0, 7.0]), ReducedSweep(reduced.project(operators, basis)))
+        here = harmonic_sweep(operators, np.array([0.0, 3.0, 7.0]), ReducedSweep(project(operators, basis)))
     assert basis.size == 2
     for omega, answer in zip((0.0, 3.0, 7.0), here.probes[:, :, 0], strict=True):
         assert answer == pytest.approx(oscillator.frequency_response(omega), rel=1e-11)
@@ -166,7 +172,7 @@ def test_a_small_space_is_used_up():
 def test_sudden_load_and_further_columns():
     loads = [(oscillator.FORCE, np.ones_like, False)]
     with dense_operators(oscillator.STIFFNESS, oscillator.MASS, oscillator.DAMPING, loads) as operators, at_rest(operators) as start:
-        model = reduced.project(operators, krylov_basis(operators, KrylovSettings(tolerance=1e-10, band=2.0)))
+        model = project(operators, krylov_basis(operators, KrylovSettings(tolerance=1e-10, band=2.0)))
         with Newmark(operators, Scheme(), 0.02) as method:
             stepped = transient(method, start, 300)
         run = laplace_run(operators, Scheme(), 0.02, 300, start, solve=ReducedSweep(model))
@@ -188,18 +194,19 @@ def test_what_cannot_be_reached_is_said():
 
 
 def test_too_few_blocks(sdls119a, comm):
-    with prepare(refined(sdls119a, 2), comm) as plant, pytest.raises(SolverError, match=r"residual of .* \(tolerance 1e-09\) and 3 blocks"):
-        krylov_basis(plant.operators, KrylovSettings(tolerance=1e-9, blocks=3))
+    words = r"residual of .* \(tolerance 1e-09\) and 3 blocks"
+    with prepare(refined(sdls119a, 2), comm) as assembly, pytest.raises(SolverError, match=words):
+        krylov_basis(assembly.operators, KrylovSettings(tolerance=1e-9, blocks=3))
 
 
 @pytest.mark.serial
 def test_springs_are_found(sdls119a, comm):
     """Joints of 1e15 and 1e15 N/m in series sideways, plain springs of 1 N/m, and the inside of the joints that can open."""
-    with prepare(sdls119a, comm) as plant:
-        rows, stiffness = spring_forces(plant.operators)
-        inside = inside_contacts(plant.operators)
-        kept = plant.operators.bonded_springs.diagonal()[rows]
-        elongation = plant.operators.contacts.elongation.local
+    with prepare(sdls119a, comm) as assembly:
+        rows, stiffness = spring_forces(assembly.operators)
+        inside = inside_contacts(assembly.operators)
+        kept = assembly.operators.bonded_springs.diagonal()[rows]
+        elongation = assembly.operators.contacts.elongation.local
     assert sorted(stiffness) == pytest.approx([1.0] * 2 + [5e14] * 5)
     assert np.all(kept > 0)
     assert sorted(inside) == sorted(elongation.indices)
@@ -207,8 +214,8 @@ def test_springs_are_found(sdls119a, comm):
 
 def test_stiff_directions_do_not_spoil_soft_ones(sdls119a, comm):
     """Scaled to a unit diagonal, the projected stiffness is well conditioned though its entries span twelve decades."""
-    with prepare(refined(sdls119a, 2), comm) as plant:
-        stiffness = krylov_basis(plant.operators, KrylovSettings(tolerance=1e-6)).projected.stiffness
+    with prepare(refined(sdls119a, 2), comm) as assembly:
+        stiffness = krylov_basis(assembly.operators, KrylovSettings(tolerance=1e-6)).projected.stiffness
     size = np.sqrt(np.diag(stiffness))
     assert np.max(size) > 1e5 * np.min(size)
     assert np.linalg.eigvalsh(stiffness / np.outer(size, size))[0] > 1e-4

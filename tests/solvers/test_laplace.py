@@ -5,13 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from drivers.analysis import prepare
-from forms.signals import Constant, Ricker
-from solvers.laplace import Circle, laplace_run
-from solvers.newmark import Newmark, at_rest, static_state, transient
-from solvers.parameters import Scheme, generalised_alpha, hilber_hughes_taylor
 from tests import bouncing, oscillator
 from tests.small import dense_operators
+from uplift.drivers.analysis.assembled_scene import prepare
+from uplift.forms.loads.signals import Constant, Ricker
+from uplift.solvers.frequency_domain.laplace import Circle, laplace_run
+from uplift.solvers.time_domain.initial import static_state
+from uplift.solvers.time_domain.march import transient
+from uplift.solvers.time_domain.newmark import Newmark
+from uplift.solvers.time_domain.scheme import Scheme, generalised_alpha, hilber_hughes_taylor
+from uplift.solvers.time_domain.state import at_rest
 
 pytestmark = pytest.mark.complex
 SCHEMES = [Scheme(), Scheme(0.3025, 0.6), hilber_hughes_taylor(0.2), generalised_alpha(0.4)]
@@ -58,10 +61,10 @@ def test_bouncing_mass(scheme):
 
 def both(scene, comm, step=0.005, steps=600, scheme=None):
     scheme = scheme or Scheme()
-    with prepare(scene, comm) as plant, static_state(plant.operators, exact_uplift=True) as start:
-        with Newmark(plant.operators, scheme, step, exact_uplift=True) as method:
+    with prepare(scene, comm) as assembly, static_state(assembly.operators, exact_uplift=True) as start:
+        with Newmark(assembly.operators, scheme, step, exact_uplift=True) as method:
             stepped = transient(method, start, steps)
-        run = laplace_run(plant.operators, scheme, step, steps, start)
+        run = laplace_run(assembly.operators, scheme, step, steps, start)
     return stepped, run.history
 
 
@@ -93,13 +96,13 @@ def test_sweep_and_march_equal_time_stepping_on_plates(sdls119a, comm, name):
     assert np.max(np.abs(here.reactions - stepped.reactions)) < 1e-7 * np.max(np.abs(stepped.reactions))
 
 
-def test_accelerations_are_those_of_time_stepping_smoothed(plant):
+def test_accelerations_are_those_of_time_stepping_smoothed(assembly):
     """Second differences of the sweep's displacements: the accelerations of Newmark's method, weighed 1/4, 1/2, 1/4."""
     scheme, step = Scheme(0.25, 0.5), 0.01
-    with static_state(plant.operators, exact_uplift=True) as start:
-        with Newmark(plant.operators, scheme, step, exact_uplift=True) as method:
+    with static_state(assembly.operators, exact_uplift=True) as start:
+        with Newmark(assembly.operators, scheme, step, exact_uplift=True) as method:
             stepped = transient(method, start, 300).accelerations
-        run = laplace_run(plant.operators, scheme, step, 300, start)
+        run = laplace_run(assembly.operators, scheme, step, 300, start)
     smooth = 0.25 * stepped[:-2] + 0.5 * stepped[1:-1] + 0.25 * stepped[2:]
     # Displacements of 0.05 m agree to 2e-10; over (0.01 s)^2 that is 1e-7 m/s2.
     assert np.max(np.abs(run.history.accelerations[1:-1] - smooth)) < 1e-6

@@ -1,36 +1,38 @@
 import numpy as np
 import pytest
 
-from drivers.analysis import prepare
-from drivers.cost import refined
-from forms.labels import rigid_motions
-from solvers.errors import SolverError
-from solvers.linear import DirectSolver, IterativeSolver
-from solvers.newmark import Newmark, static_state, transient
-from solvers.parameters import Scheme
+from uplift.drivers.analysis.assembled_scene import prepare
+from uplift.drivers.evidence.scaling.cost import refined
+from uplift.forms.assembly.row_labels import rigid_motions
+from uplift.solvers.errors import SolverError
+from uplift.solvers.linear import DirectSolver, IterativeSolver
+from uplift.solvers.time_domain.initial import static_state
+from uplift.solvers.time_domain.march import transient
+from uplift.solvers.time_domain.newmark import Newmark
+from uplift.solvers.time_domain.scheme import Scheme
 
 
 def test_iterative_march_equals_the_direct_one_joints_of_1e15_included(sdls119a, comm):
     histories = []
-    with prepare(refined(sdls119a, 4), comm) as plant:
-        motions = rigid_motions(plant.assembled.labels)
+    with prepare(refined(sdls119a, 4), comm) as assembly:
+        motions = rigid_motions(assembly.plate.labels)
         for given in (None, motions):
             with (
-                static_state(plant.operators, exact_uplift=True, motions=given) as start,
-                Newmark(plant.operators, Scheme(), 0.005, exact_uplift=True, motions=given) as method,
+                static_state(assembly.operators, exact_uplift=True, motions=given) as start,
+                Newmark(assembly.operators, Scheme(), 0.005, exact_uplift=True, motions=given) as method,
             ):
                 histories.append(transient(method, start, 10))
         # Ten steps, the first acceleration and one solve for each contact: a preconditioner that has lost the rigid motions needs hundreds.
-        assert method.solver.iterations < 40 * (10 + len(plant.operators.contacts.names))
+        assert method.solver.iterations < 40 * (10 + len(assembly.operators.contacts.names))
     direct, iterative = histories
     assert np.max(np.abs(direct.probes - iterative.probes)) < 1e-9 * np.max(np.abs(direct.probes))
     assert np.max(np.abs(direct.release - iterative.release)) < 1e-9 * np.max(np.abs(direct.elongation)) * 1e15
 
 
-def test_rigid_motions_strain_the_plate_no_more_than_its_supports(plant, comm):
+def test_rigid_motions_strain_the_plate_no_more_than_its_supports(assembly, comm):
     """What they strain is the joints: without these the stiffness maps them to zero."""
-    operators = plant.operators
-    motions = rigid_motions(plant.assembled.labels)
+    operators = assembly.operators
+    motions = rigid_motions(assembly.plate.labels)
     assert motions.shape == (3, operators.n_local)
     vector, force = operators.new_vector(), operators.new_vector()
     springs = operators.bonded_springs + operators.unilateral_springs
@@ -43,11 +45,11 @@ def test_rigid_motions_strain_the_plate_no_more_than_its_supports(plant, comm):
 
 @pytest.mark.serial
 def test_a_matrix_that_is_not_definite_is_an_error(sdls119a, comm):
-    with prepare(refined(sdls119a, 2), comm) as plant:
-        operators = plant.operators
+    with prepare(refined(sdls119a, 2), comm) as assembly:
+        operators = assembly.operators
         matrix, solution = operators.stiffness.copy(), operators.new_vector()
         matrix.axpy(-1e4, operators.mass)
-        motions = rigid_motions(plant.assembled.labels)
+        motions = rigid_motions(assembly.plate.labels)
         with (
             pytest.raises(SolverError, match="the rocking plate cannot be solved: conjugate gradients"),
             IterativeSolver(matrix, "t_", motions=motions, what="rocking plate") as solver,
@@ -56,8 +58,8 @@ def test_a_matrix_that_is_not_definite_is_an_error(sdls119a, comm):
 
 
 def test_new_values_are_factorised_on_any_number_of_ranks(sdls119a, comm):
-    with prepare(refined(sdls119a, 6), comm) as plant:  # large enough for MUMPS on one rank
-        operators = plant.operators
+    with prepare(refined(sdls119a, 6), comm) as assembly:  # large enough for MUMPS on one rank
+        operators = assembly.operators
         matrix, solution = operators.stiffness.copy(), operators.new_vector()
         with DirectSolver(matrix, "t_", definite=True) as solver:
             solver.solve(operators.loads[0].vector, solution, check=True)
@@ -67,10 +69,10 @@ def test_new_values_are_factorised_on_any_number_of_ranks(sdls119a, comm):
 
 
 @pytest.mark.both
-def test_block_solve_equals_single_solves(plant):
+def test_block_solve_equals_single_solves(assembly):
     from petsc4py import PETSc
 
-    operators = plant.operators
+    operators = assembly.operators
     n, n_local = operators.n, operators.n_local
     blocks = [PETSc.Mat().createDense(((n_local, n), (None, 3)), comm=operators.comm) for _ in range(3)]
     for block in blocks:

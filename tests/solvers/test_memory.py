@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from solvers.memory import Size, available_bytes, march_bytes, peak_bytes, run_bytes, size_of
 from tests.conftest import COMPLEX
+from uplift.solvers.memory import Size, available_bytes, march_bytes, peak_bytes, run_bytes, size_of
 
 pytestmark = pytest.mark.both
 
@@ -15,10 +15,10 @@ def test_fill_of_a_plate(n):
     assert Size(n, 18 * n, False).factor / 13.5 == pytest.approx(FACTORS[n], rel=0.05)
 
 
-def test_size_and_estimate_of_this_very_process(plant, comm):
-    size = size_of(plant.operators.stiffness)
+def test_size_and_estimate_of_this_very_process(assembly, comm):
+    size = size_of(assembly.operators.stiffness)
     assert size.n == 100 and size.is_complex == COMPLEX
-    assert size.entries == sum(comm.allgather(int(plant.operators.stiffness.getValuesCSR()[0][-1])))
+    assert size.entries == sum(comm.allgather(int(assembly.operators.stiffness.getValuesCSR()[0][-1])))
     largest, whole = peak_bytes(comm)
     assert 5e7 < largest <= whole <= comm.size * largest
     assert run_bytes(size, march_bytes(size, 5, 1000), comm.size) < 1.1 * comm.size * 2e8
@@ -57,9 +57,9 @@ def test_available_memory_respects_control_groups(tmp_path):
 def test_a_run_that_cannot_fit_is_refused(sdls119a, comm):
     from dataclasses import replace
 
-    from drivers.memory import check_memory, expected_size
-    from drivers.request import Request
-    from meshes.checked import ModelError
+    from uplift.drivers.analysis.memory import check_memory, expected_size
+    from uplift.drivers.scene.request import Request
+    from uplift.meshes.checked import ModelError
 
     request = Request("transient")
     assert expected_size(sdls119a, is_complex=False).n == 100

@@ -11,20 +11,28 @@ import pytest
 from mpi4py import MPI
 from scipy import linalg
 
-import drivers
-from drivers.analysis import prepare
-from drivers.scene import build_scene
-from meshes.checked import ModelError
-from solvers import newmark, reduced
-from solvers.errors import SolverError
-from solvers.modal import effective_masses, modes
-from solvers.parameters import Scheme, generalised_alpha, hilber_hughes_taylor
-from solvers.reduced import Basis, march, project, with_static_answers
 from tests.small import contact_on, dense_operators, to_dense
+from uplift.drivers.analysis.assembled_scene import prepare
+from uplift.drivers.scene.scene import build_scene
+from uplift.meshes.checked import ModelError
+from uplift.solvers.bases.basis import Basis
+from uplift.solvers.bases.modes import effective_masses, modes
+from uplift.solvers.bases.project import project
+from uplift.solvers.bases.reduced_march import at_rest as reduced_at_rest
+from uplift.solvers.bases.reduced_march import march
+from uplift.solvers.bases.reduced_march import settled_state as reduced_settled_state
+from uplift.solvers.bases.reduced_march import static_state as reduced_static_state
+from uplift.solvers.bases.static_answers import with_static_answers
+from uplift.solvers.errors import SolverError
+from uplift.solvers.time_domain.initial import settled_state, static_state
+from uplift.solvers.time_domain.march import transient
+from uplift.solvers.time_domain.newmark import Newmark
+from uplift.solvers.time_domain.scheme import Scheme, generalised_alpha, hilber_hughes_taylor
+from uplift.solvers.time_domain.state import at_rest
 
 pytestmark = pytest.mark.both
 
-SCENE = tomllib.loads((Path(drivers.__file__).parent / "scenes" / "sdls119a.toml").read_text(encoding="utf-8"))
+SCENE = tomllib.loads((Path(__file__).parents[2] / "drivers" / "scenes" / "sdls119a.toml").read_text(encoding="utf-8"))
 TRAPEZOIDAL = Scheme()
 
 
@@ -127,7 +135,7 @@ def test_joints_are_found_as_a_band_too(reference, every_one):
 
 def test_effective_masses_of_all_modes_are_the_total_mass(reference, twenty, every_one):
     gravity, motion = (load.vector for load in reference.operators.loads)
-    total = reference.assembled.total_mass
+    total = reference.plate.total_mass
     masses = effective_masses(every_one, [motion, gravity]) / [1.0, 9.81**2]
     np.testing.assert_allclose(masses.sum(axis=0), total, rtol=1e-11)
     some = effective_masses(twenty, [motion, gravity]) / [1.0, 9.81**2]
@@ -210,17 +218,17 @@ def physical(reference):
     """Two passes in all dofs over the strong part of the pulse, from the over-damped start of modelisation B."""
     operators = reference.operators
     with (
-        newmark.settled_state(operators, Scheme(1.0, 1.5), 1e-3, 10) as start,
-        newmark.Newmark(operators, TRAPEZOIDAL, 4e-3) as method,
+        settled_state(operators, Scheme(1.0, 1.5), 1e-3, 10) as start,
+        Newmark(operators, TRAPEZOIDAL, 4e-3) as method,
     ):
-        first = newmark.transient(method, start, 700, every=2)
+        first = transient(method, start, 700, every=2)
         release = operators.contacts.law.release(first.elongation)
-        return first, newmark.transient(method, start, 700, every=2, release=release), release
+        return first, transient(method, start, 700, every=2, release=release), release
 
 
 def run(operators, basis, release, **options):
     model = project(operators, basis, **options)
-    start = reduced.settled_state(model, Scheme(1.0, 1.5), 1e-3, 10)
+    start = reduced_settled_state(model, Scheme(1.0, 1.5), 1e-3, 10)
     return march(model, TRAPEZOIDAL, 4e-3, 700, every=2, start=start, release=release).history(model)
 
 
@@ -282,12 +290,12 @@ def test_a_small_system_marches_as_in_all_dofs(start_kind, scheme):
     for proportional in (True, False):
         with chain([2.0, 1.0, 0.5], proportional=proportional) as operators:
             starts = {
-                "rest": lambda o=operators: newmark.at_rest(o),
-                "static": lambda o=operators: newmark.static_state(o),
-                "settled": lambda o=operators: newmark.settled_state(o, *settling),
+                "rest": lambda o=operators: at_rest(o),
+                "static": lambda o=operators: static_state(o),
+                "settled": lambda o=operators: settled_state(o, *settling),
             }
-            with starts[start_kind]() as start, newmark.Newmark(operators, scheme, 0.01) as method:
-                expected = newmark.transient(method, start, 300, every=3, release=release)
+            with starts[start_kind]() as start, Newmark(operators, scheme, 0.01) as method:
+                expected = transient(method, start, 300, every=3, release=release)
             bases = [Basis(np.array([[1.0, 2.0, 0.0], [0.0, 1.0, 1.0], [0.5, 0.0, 1.0]]), operators.comm)]
             found = modes(operators, number=3)
             bases.append(found.basis)
@@ -295,9 +303,9 @@ def test_a_small_system_marches_as_in_all_dofs(start_kind, scheme):
                 # Proportional damping couples no modes, so the diagonals are the whole.
                 model = project(operators, basis, diagonal=proportional and basis is found.basis)
                 reduced_starts = {
-                    "rest": lambda m=model: reduced.at_rest(m),
-                    "static": lambda m=model: reduced.static_state(m),
-                    "settled": lambda m=model: reduced.settled_state(m, *settling),
+                    "rest": lambda m=model: reduced_at_rest(m),
+                    "static": lambda m=model: reduced_static_state(m),
+                    "settled": lambda m=model: reduced_settled_state(m, *settling),
                 }
                 got = march(model, scheme, 0.01, 300, every=3, start=reduced_starts[start_kind](), release=release).history(model)
                 assert max(difference(got, expected)) < 1e-11

@@ -1,14 +1,17 @@
 import numpy as np
 import pytest
 
-from forms.signals import Constant
-from meshes.checked import ModelError
-from solvers.errors import SolverError
-from solvers.linear import DirectSolver
-from solvers.newmark import Newmark, State, at_rest, balance_acceleration, settled_state, static_state, transient
-from solvers.parameters import Scheme, generalised_alpha, hilber_hughes_taylor
 from tests import oscillator
 from tests.small import contact_on, dense_operators, petsc_matrix, petsc_vector
+from uplift.forms.loads.signals import Constant
+from uplift.meshes.checked import ModelError
+from uplift.solvers.errors import SolverError
+from uplift.solvers.linear import DirectSolver
+from uplift.solvers.time_domain.initial import balance_acceleration, settled_state, static_state
+from uplift.solvers.time_domain.march import transient
+from uplift.solvers.time_domain.newmark import Newmark
+from uplift.solvers.time_domain.scheme import Scheme, generalised_alpha, hilber_hughes_taylor
+from uplift.solvers.time_domain.state import State, at_rest
 
 pytestmark = [pytest.mark.serial, pytest.mark.both]
 

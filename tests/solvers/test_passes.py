@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from forms.uplift import UpliftLaw
-from solvers.history import History
-from solvers.passes import published_passes
+from uplift.forms.contact.law import UpliftLaw
+from uplift.solvers.contact.published_passes import published_passes
+from uplift.solvers.history import History
 
 LAW = UpliftLaw(np.array([4.0]), np.array([0.25]))
 

@@ -5,15 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from drivers.analysis import prepare
-from drivers.cost import refined
-from solvers import reduced
-from solvers.harmonic import FourierResponse, harmonic_sweep
-from solvers.krylov import krylov_basis
-from solvers.laplace import laplace_run
-from solvers.newmark import static_state
-from solvers.parameters import KrylovSettings, Scheme
-from solvers.reduced_sweep import ReducedSweep
+from uplift.drivers.analysis.assembled_scene import prepare
+from uplift.drivers.evidence.scaling.cost import refined
+from uplift.solvers.bases.krylov import krylov_basis
+from uplift.solvers.bases.project import project
+from uplift.solvers.bases.settings import KrylovSettings
+from uplift.solvers.bases.sweep import ReducedSweep
+from uplift.solvers.frequency_domain.harmonic import FourierResponse, harmonic_sweep
+from uplift.solvers.frequency_domain.laplace import laplace_run
+from uplift.solvers.time_domain.initial import static_state
+from uplift.solvers.time_domain.scheme import Scheme
 
 
 def relative(here, there):
@@ -24,12 +25,12 @@ def relative(here, there):
 def test_sweep_in_the_basis_equals_the_direct_sweep(sdls119a, comm):
     scene = refined(sdls119a, 2)
     window = replace(scene.fourier, length=5.12, samples=512)
-    with prepare(scene, comm) as plant:
-        operators = plant.operators
+    with prepare(scene, comm) as assembly:
+        operators = assembly.operators
         basis = krylov_basis(operators, KrylovSettings(tolerance=1e-6))
         omega = 2 * np.pi * window.frequencies
         direct = harmonic_sweep(operators, omega)
-        here = harmonic_sweep(operators, omega, ReducedSweep(reduced.project(operators, basis)))
+        here = harmonic_sweep(operators, omega, ReducedSweep(project(operators, basis)))
         for j in range(direct.probes.shape[2]):
             assert relative(here.probes[..., j], direct.probes[..., j]) < 1e-8
             assert relative(here.elongation[..., j], direct.elongation[..., j]) < 1e-9
@@ -41,10 +42,10 @@ def test_sweep_in_the_basis_equals_the_direct_sweep(sdls119a, comm):
 
 @pytest.mark.complex
 def test_march_over_contact_forces_equals_that_of_the_direct_sweep(sdls119a, comm):
-    with prepare(refined(sdls119a, 2), comm) as plant, static_state(plant.operators, exact_uplift=True) as start:
-        model = reduced.project(plant.operators, krylov_basis(plant.operators, KrylovSettings(tolerance=1e-6)))
-        direct = laplace_run(plant.operators, Scheme(), 0.01, 200, start, every=2)
-        here = laplace_run(plant.operators, Scheme(), 0.01, 200, start, every=2, solve=ReducedSweep(model))
+    with prepare(refined(sdls119a, 2), comm) as assembly, static_state(assembly.operators, exact_uplift=True) as start:
+        model = project(assembly.operators, krylov_basis(assembly.operators, KrylovSettings(tolerance=1e-6)))
+        direct = laplace_run(assembly.operators, Scheme(), 0.01, 200, start, every=2)
+        here = laplace_run(assembly.operators, Scheme(), 0.01, 200, start, every=2, solve=ReducedSweep(model))
         fields = here.field(77), direct.field(77)
     assert relative(here.history.probes, direct.history.probes) < 1e-6
     assert relative(*fields) < 1e-6

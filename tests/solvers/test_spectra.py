@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from solvers.newmark import Newmark, static_state, transient
-from solvers.parameters import Scheme
-from solvers.spectra import response_spectrum, second_differences
+from uplift.solvers.spectra import response_spectrum, second_differences
+from uplift.solvers.time_domain.initial import static_state
+from uplift.solvers.time_domain.march import transient
+from uplift.solvers.time_domain.newmark import Newmark
+from uplift.solvers.time_domain.scheme import Scheme
 
 pytestmark = pytest.mark.serial
 
@@ -93,9 +95,10 @@ def test_bad_questions_are_refused(bad):
         response_spectrum(**{"acceleration": np.ones((4, 1)), "step": 0.1} | bad)
 
 
-def test_recorded_accelerations_are_those_of_the_displacements(plant):
+def test_recorded_accelerations_are_those_of_the_displacements(assembly):
     scheme, step = Scheme(0.25, 0.5), 0.005
-    with static_state(plant.operators, exact_uplift=True) as start, Newmark(plant.operators, scheme, step, exact_uplift=True) as method:
+    operators = assembly.operators
+    with static_state(operators, exact_uplift=True) as start, Newmark(operators, scheme, step, exact_uplift=True) as method:
         history = transient(method, start, 600)
     recorded = history.accelerations
     averaged = 0.25 * recorded[:-2] + 0.5 * recorded[1:-1] + 0.25 * recorded[2:]

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from meshes.checked import ModelError
-from solvers.groups import Layout, choose_groups
-from solvers.harmonic import harmonic_sweep
 from tests.small import to_dense
+from uplift.meshes.checked import ModelError
+from uplift.solvers.frequency_domain.groups import Layout, choose_groups
+from uplift.solvers.frequency_domain.harmonic import harmonic_sweep
 
 OMEGA = 2 * np.pi * np.array([0.0, 1.8, 5.0, 11.0, 24.0])
 
@@ -36,8 +36,8 @@ def difference(here, exact):
 
 
 @pytest.mark.complex
-def test_any_number_of_groups_equals_dense_algebra(plant, comm):
-    operators = plant.operators
+def test_any_number_of_groups_equals_dense_algebra(assembly, comm):
+    operators = assembly.operators
     exact = dense_answers(operators)
     first = sum(comm.allgather(operators.n_local)[: comm.rank])
     for groups in (None, *range(1, comm.size + 1)):
@@ -53,8 +53,8 @@ def test_any_number_of_groups_equals_dense_algebra(plant, comm):
 
 
 @pytest.mark.complex
-def test_more_groups_than_points(plant, comm):
-    operators = plant.operators
+def test_more_groups_than_points(assembly, comm):
+    operators = assembly.operators
     exact = on_all_ranks(operators.probes) @ dense_answers(operators)[:1]
     transfer = harmonic_sweep(operators, OMEGA[:1], groups=comm.size)
     assert difference(transfer.probes, exact) < 1e-9

@@ -5,13 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from drivers.analysis import prepare
-from drivers.cost import on_a_line
-from meshes.checked import ModelError
-from solvers.newmark import Newmark, static_state, transient
-from solvers.parameters import Scheme, generalised_alpha, hilber_hughes_taylor
-from solvers.passes import published_passes
 from tests import bouncing
+from uplift.drivers.analysis.assembled_scene import prepare
+from uplift.drivers.evidence.scaling.cost import on_a_line
+from uplift.meshes.checked import ModelError
+from uplift.solvers.contact.published_passes import published_passes
+from uplift.solvers.time_domain.initial import static_state
+from uplift.solvers.time_domain.march import transient
+from uplift.solvers.time_domain.newmark import Newmark
+from uplift.solvers.time_domain.scheme import Scheme, generalised_alpha, hilber_hughes_taylor
 
 DT = 0.005
 
@@ -74,10 +76,10 @@ def test_energy_is_conserved_between_contacts():
 
 
 def lifted(scene, comm, scheme=None, steps=500, **options):
-    with prepare(scene, comm) as plant, static_state(plant.operators, exact_uplift=True) as start:
-        with Newmark(plant.operators, scheme or Scheme(), DT, exact_uplift=True) as method:
+    with prepare(scene, comm) as assembly, static_state(assembly.operators, exact_uplift=True) as start:
+        with Newmark(assembly.operators, scheme or Scheme(), DT, exact_uplift=True) as method:
             history = transient(method, start, steps, **options)
-        return history, plant.operators.contacts.law, plant.assembled.total_mass
+        return history, assembly.operators.contacts.law, assembly.plate.total_mass
 
 
 def test_converged_uplift_of_the_reference_case(sdls119a, comm):
@@ -117,8 +119,8 @@ def test_preload_pushes_back(sdls119a, comm):
     """Without gravity a plate on preloaded supports stands where the preload is gone: at preload / stiffness."""
     support = replace(sdls119a.model.supports[0], preload=1e5)
     model = replace(sdls119a.model, supports=(support,), gravity=0.0, motions=(), springs=())
-    with prepare(replace(sdls119a, model=model), comm) as plant, static_state(plant.operators, exact_uplift=True) as state:
-        probes = plant.operators.probes
+    with prepare(replace(sdls119a, model=model), comm) as assembly, static_state(assembly.operators, exact_uplift=True) as state:
+        probes = assembly.operators.probes
         here = probes.total(probes.partial(np.real(state.displacement.array_r)))
     assert here[1] == pytest.approx(1e5 * support.flexibility(1), rel=1e-6)
 
@@ -138,8 +140,8 @@ def test_support_from_above_is_the_mirror_image(sdls119a, comm):
 def test_plate_that_flies(sdls119a, comm):
     """No contact at all: with gravity upwards the plate leaves its supports and falls up, free but for 2 N/m and damping."""
     model = replace(sdls119a.model, motions=(), material=replace(sdls119a.model.material, beta=0.0, alpha=1e-3))
-    with prepare(replace(sdls119a, model=model), comm) as plant:
-        operators = plant.operators
+    with prepare(replace(sdls119a, model=model), comm) as assembly:
+        operators = assembly.operators
         with static_state(operators, exact_uplift=True) as start, Newmark(operators, Scheme(), 1e-3, exact_uplift=True) as method:
             operators.loads[0].vector.scale(-1.0)
             history = transient(method, start, 1000)
@@ -157,11 +159,12 @@ def test_a_plate_that_its_weight_tips_or_lifts_off_is_refused(sdls119a, comm, po
     support = replace(sdls119a.model.supports[0], points=points)
     gravity = 9.81 if points[1][0] == 1.0 else -9.81
     model = replace(sdls119a.model, supports=(support,), springs=(), gravity=gravity)
-    with prepare(replace(sdls119a, model=model), comm) as plant, pytest.raises(ModelError, match="lift or tip the plate off its supports"):
-        static_state(plant.operators, exact_uplift=True)
+    words = "lift or tip the plate off its supports"
+    with prepare(replace(sdls119a, model=model), comm) as assembly, pytest.raises(ModelError, match=words):
+        static_state(assembly.operators, exact_uplift=True)
     held = replace(model, springs=sdls119a.model.springs)
-    with prepare(replace(sdls119a, model=held), comm) as plant, static_state(plant.operators, exact_uplift=True) as state:
-        probes = plant.operators.probes
+    with prepare(replace(sdls119a, model=held), comm) as assembly, static_state(assembly.operators, exact_uplift=True) as state:
+        probes = assembly.operators.probes
         height = probes.total(probes.partial(np.real(state.displacement.array_r)))[1]
     # The two springs of 1 N/m on top carry what the supports do not.
     assert abs(height) > 1e4
@@ -187,12 +190,16 @@ def test_sideways_released_supports_slide_while_open(sdls119a, comm):
 def test_published_passes_end_at_the_exact_answer(sdls119a, comm, every, limit):
     """With tensions at every step they end at the exact answer; with the source's, every second step, beside it."""
     exact, _, _ = lifted(sdls119a, comm)
-    with prepare(sdls119a, comm) as plant, static_state(plant.operators) as start, Newmark(plant.operators, Scheme(), DT) as method:
+    with (
+        prepare(sdls119a, comm) as assembly,
+        static_state(assembly.operators) as start,
+        Newmark(assembly.operators, Scheme(), DT) as method,
+    ):
 
         def solve(release):
             return transient(method, start, 500, every=every, release=release)
 
-        passes = published_passes(solve, plant.operators.contacts.law, 300, tolerance=1e-9, keep_all=False)
+        passes = published_passes(solve, assembly.operators.contacts.law, 300, tolerance=1e-9, keep_all=False)
     assert passes.ended == "converged"
     assert passes.number > 100
     final = passes.final.probes

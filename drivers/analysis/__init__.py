@@ -1,0 +1,1 @@
+"""Assemble a scene and run one method."""

@@ -1,0 +1,1 @@
+"""What convinces: published values, benchmarks, stability, errors against run time, scaling."""

@@ -1,0 +1,1 @@
+"""Published benchmarks of plates and shells."""

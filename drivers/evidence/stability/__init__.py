@@ -1,0 +1,1 @@
+"""Extreme and ill-posed cases against independent oracles."""

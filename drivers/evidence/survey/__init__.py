@@ -1,0 +1,1 @@
+"""Uplift case by case, by every method."""

@@ -1,0 +1,211 @@
+"""The process around a run: real or complex PETSc, ranks, log and exit codes."""
+
+from __future__ import annotations
+
+import atexit
+import logging
+import os
+import shutil
+import signal
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Literal
+
+from uplift.meshes.checked import ModelError
+from uplift.meshes.findings import Finding
+from uplift.solvers.errors import SolverError, Stopped
+
+Scalars = Literal["real", "complex"]
+
+BAD_INPUT, FAILED = 2, 1
+"""Exit codes."""
+
+PETSC = Path("/usr/lib/petscdir")
+SLEPC = Path("/usr/lib/slepcdir")
+"""Where Debian installs the real and the complex build side by side."""
+
+
+PATIENCE = 20.0
+"""s that a rank with an error waits for the others to have it too, before it ends them."""
+
+
+def choose_scalars(scalars: Scalars) -> None:
+    """Continue in a process whose PETSc has `scalars`; to be called before PETSc is imported.
+
+    The build is chosen by the environment of the process at its start, so where it is the other one the process
+    replaces itself. Outside Debian's layout nothing is done, and `require_scalars` speaks up.
+    """
+    petsc, slepc = PETSC / f"petsc-{scalars}", SLEPC / f"slepc-{scalars}"
+    wanted = {"PETSC_DIR": str(petsc), "SLEPC_DIR": str(slepc)}
+    if not (petsc.exists() and slepc.exists()) or all(os.environ.get(k) == v for k, v in wanted.items()):
+        return
+    if scalars == "real" and not any(k in os.environ for k in wanted):
+        return  # the default build
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os.execve(sys.executable, [sys.executable, *sys.orig_argv[1:]], {**os.environ, **wanted})
+
+
+def require_scalars(scalars: Scalars) -> None:
+    """Raise `RuntimeError` if this process has the other PETSc."""
+    from petsc4py import PETSc
+
+    here = "complex" if issubclass(PETSc.ScalarType, complex) else "real"
+    if here != scalars:
+        raise RuntimeError(f"this method needs the {scalars} build of PETSc, and this process has the {here} one; set PETSC_DIR")
+
+
+def launch_rank() -> int:
+    """Return this process's rank as the MPI launcher gave it, before MPI is initialised (0 without a launcher)."""
+    return _rank_of_launcher() or 0
+
+
+def launched() -> bool:
+    """Return whether an MPI launcher has started this process."""
+    return _rank_of_launcher() is not None
+
+
+def _rank_of_launcher() -> int | None:
+    for name in ("OMPI_COMM_WORLD_RANK", "PMI_RANK", "PMIX_RANK", "SLURM_PROCID"):
+        if os.environ.get(name, "").isdigit():
+            return int(os.environ[name])
+    return None
+
+
+class _Findings(logging.Handler):
+    """Keeps the findings of a process, each once."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.heard: list[Finding] = []
+
+    def emit(self, record: logging.LogRecord) -> None:
+        finding = getattr(record, "finding", None)
+        if finding is not None and finding not in self.heard:
+            self.heard.append(finding)
+
+
+_FINDINGS = _Findings()
+
+
+def heard_findings() -> list[Finding]:
+    """Return what has been found since `configure_log`, each finding once."""
+    return list(_FINDINGS.heard)
+
+
+def configure_log(*, quiet: bool) -> None:
+    """Send the log of the package to standard error, on rank 0 only, and begin to keep its findings."""
+    _FINDINGS.heard.clear()
+    handler: logging.Handler = logging.StreamHandler(sys.stderr) if launch_rank() == 0 else logging.NullHandler()
+    handler.setFormatter(logging.Formatter("%(message)s"))
+    logger = logging.getLogger("uplift")
+    logger.handlers = [handler, _FINDINGS]
+    logger.propagate = False
+    handler.setLevel(logging.WARNING if quiet else logging.INFO)
+    logger.setLevel(logging.INFO)
+
+
+@contextmanager
+def _temporary_folder() -> Iterator[None]:
+    """Keep temporary files in a folder of this process alone, which is gone after the block.
+
+    Open MPI without a launcher leaves its session folder behind, so this comes before MPI is initialised. A launcher
+    cleans up after its processes, and may end them at any moment.
+    """
+    if _rank_of_launcher() is not None:
+        yield
+        return
+    variable, default = os.environ.get("TMPDIR"), tempfile.tempdir
+    with tempfile.TemporaryDirectory(prefix="uplift-", ignore_cleanup_errors=True) as folder:
+        os.environ["TMPDIR"] = tempfile.tempdir = folder
+        try:
+            yield
+        finally:
+            tempfile.tempdir = default
+            if variable is None:
+                del os.environ["TMPDIR"]
+            else:
+                os.environ["TMPDIR"] = variable
+
+
+@contextmanager
+def parallel() -> Iterator[Any]:
+    """Give the world communicator; an error that only some ranks meet ends all of them, with one message."""
+    with _temporary_folder():
+        from mpi4py import MPI
+
+        comm = MPI.COMM_WORLD
+        try:
+            yield comm
+        except BaseException as error:
+            together = isinstance(error, (ModelError, SolverError)) or (isinstance(error, Stopped) and error.together)
+            if comm.size == 1 or (together and _all_come(comm)):
+                raise
+            # The other ranks may wait in a collective call for ever: this ends them too.
+            if isinstance(error, (KeyboardInterrupt, Stopped)):
+                if comm.rank == 0:
+                    print(f"uplift: {str(error) or 'interrupted; nothing was written'}", file=sys.stderr, flush=True)
+                comm.Abort(128 + getattr(error, "number", signal.SIGINT))
+            print(f"uplift: rank {comm.rank}: {type(error).__name__}: {error}", file=sys.stderr, flush=True)
+            comm.Abort(1)
+
+
+def _all_come(comm: Any) -> bool:
+    """Return whether all ranks come here within `PATIENCE`, as they do with an error that all of them find (collective)."""
+    request, end = comm.Ibarrier(), time.monotonic() + PATIENCE
+    while not request.Test():
+        if time.monotonic() > end:
+            return False
+        time.sleep(0.01)
+    return True
+
+
+@contextmanager
+def silent_compiler() -> Iterator[None]:
+    """Keep the command lines of the C compiler, which it sends to the root logger, out of the log."""
+    level = logging.root.manager.disable
+    logging.disable(logging.INFO)
+    try:
+        yield
+    finally:
+        logging.disable(level)
+
+
+def form_compiler(comm: Any) -> Callable[[Any], Any]:
+    """Return the function that compiles forms on the ranks of `comm`, in the user's form cache.
+
+    Where the cache can be read but not written, a form that is not in it is compiled in a temporary folder.
+    """
+    from uplift.meshes.compat import compile_form
+
+    def compile_anywhere(form: Any) -> Any:
+        try:
+            return compile_form(form)
+        except (OSError, RuntimeError):
+            folder = tempfile.mkdtemp(prefix="uplift-forms-") if comm.rank == 0 else None
+            folder = comm.bcast(folder, root=0)
+            if comm.rank == 0:
+                atexit.register(shutil.rmtree, folder, ignore_errors=True)
+            return compile_form(form, folder)
+
+    return compile_anywhere
+
+
+def say(text: str) -> None:
+    """Print to standard output on rank 0; where nobody reads it any more, as behind `| head`, go on in silence."""
+    if launch_rank() != 0:
+        return
+    try:
+        print(text, flush=True)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def complain(text: str) -> None:
+    """Print a line to standard error, on rank 0 only."""
+    if launch_rank() == 0:
+        print(f"uplift: {text}", file=sys.stderr, flush=True)

@@ -1,0 +1,1 @@
+"""What several runs, modes or frequencies tell: tables, files and pictures."""

@@ -1,0 +1,1 @@
+"""Supports, joints and the law of contact."""

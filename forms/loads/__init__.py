@@ -1,0 +1,1 @@
+"""Functions of time, and records from files."""

@@ -1,0 +1,1 @@
+"""Variational forms of membrane and shell."""

@@ -1,0 +1,1 @@
+"""Reduced bases: modes, static answers, Krylov vectors, and the projection on them."""

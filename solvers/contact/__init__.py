@@ -1,0 +1,1 @@
+"""Contact at one instant, and the source's iteration."""

@@ -1,0 +1,1 @@
+"""Sweeps over frequencies and Laplace points."""
