@@ -2,13 +2,14 @@
 
 M u'' + C u' + K u = sum over loads of vector(l) * history(l)(t) + push @ contact release forces
 
-with every contact bonded in K. A solver needs nothing else, so a model may as well be a two-dof oscillator.
+with every contact bonded in K. A solver needs nothing else, so a model may as well be a two-dof oscillator. A model that is projected
+on a basis is an `Operators` again: its dofs are the coordinates of the basis, and `reconstruct` is the way back.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -77,6 +78,8 @@ class Load:
     """Whether it already acts before time 0, as gravity does."""
     internal: bool = False
     """Whether it stands for the strain of springs at zero displacement and so does no work from outside."""
+    largest: float | None = None
+    """Largest nodal force in N of the vector before it was projected on a basis; None: that of `vector` itself."""
 
 
 @dataclass(frozen=True)
@@ -100,27 +103,91 @@ def no_contacts(n_local: int, comm: Any) -> Contacts:
 
 
 @dataclass(frozen=True)
-class Reactions:
-    """Resultants of the forces of the ground on the plate: a linear part in the solution and one in the release forces.
+class OutputGroup:
+    """Outputs of one kind: rows y = local u + per_support_force s + constant, each with a name and a unit.
 
-    Resultant = functionals(u) + release @ per_release^T + constant; base shear along X in N, vertical reaction in N,
-    overturning moment in N m, counter-clockwise, about the middle of the plate's foot.
+    s (n_channels,) are the forces that stand against the supports' springs: the release forces, where auxiliary nodes have no mass.
     """
 
-    functionals: Functionals
-    per_release: np.ndarray
-    """(3, n_channels)."""
-    constant: np.ndarray
-    """(3,): of springs that are strained at zero displacement."""
+    name: str
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    """SI unit of each row; m and rad are told apart."""
+    local: sparse.csr_matrix
+    """(n, n_local): weights on this rank's part of a solution; the value is the sum over ranks."""
+    per_support_force: np.ndarray | None = None
+    """(n, n_channels); None: zero."""
+    constant: np.ndarray | None = None
+    """(n,), of springs that are strained at zero displacement; None: zero."""
 
-    def values(self, linear: np.ndarray, release: np.ndarray) -> np.ndarray:
-        """Return the resultants (nt, 3) from the functionals' values (nt, 3) and release forces (nt, n_channels) N."""
-        return linear + release @ self.per_release.T + self.constant
+    @property
+    def moving(self) -> np.ndarray:
+        """Which rows (n,) are displacements: their unit is m."""
+        return np.array([unit == "m" for unit in self.units], dtype=bool)
+
+
+@dataclass(frozen=True)
+class Outputs:
+    """All that is observed of a model: one sparse matrix, its rows in groups."""
+
+    groups: tuple[OutputGroup, ...]
+    local: sparse.csr_matrix
+    """(n_rows, n_local): the groups' rows one below the other."""
+    comm: Any
+
+    @staticmethod
+    def of(groups: Sequence[OutputGroup], comm: Any) -> Outputs:
+        """Return the outputs of some groups, of which there is at least one."""
+        return Outputs(tuple(groups), sparse.vstack([group.local for group in groups], format="csr"), comm)
+
+    @property
+    def layout(self) -> dict[str, slice]:
+        """The rows of each group."""
+        ends = np.cumsum([0, *(len(group.names) for group in self.groups)]).tolist()
+        return {group.name: slice(a, b) for group, a, b in zip(self.groups, ends[:-1], ends[1:], strict=True)}
+
+    def __getitem__(self, name: str) -> OutputGroup:
+        """Return a group by its name."""
+        return next(group for group in self.groups if group.name == name)
+
+    def partial(self, values: np.ndarray) -> np.ndarray:
+        """Return this rank's share of the linear parts (n_rows, ...) of its part (n_local, ...) of solutions."""
+        return self.local @ values
+
+    def total(self, partial: np.ndarray) -> np.ndarray:
+        """Return the sum over ranks of shares of any shape (collective)."""
+        return _sum_over_ranks(partial, self.comm)
+
+    def values(self, linear: np.ndarray, support_force: np.ndarray) -> np.ndarray:
+        """Return the outputs (nt, n_rows) from their linear parts (nt, n_rows) and the support forces (nt, n_channels) N."""
+        whole = linear.copy()
+        for group, rows in zip(self.groups, self.layout.values(), strict=True):
+            if group.per_support_force is not None:
+                whole[:, rows] += support_force @ group.per_support_force.T
+            if group.constant is not None:
+                whole[:, rows] += group.constant
+        return whole
+
+    def projected(self, vectors: np.ndarray, comm: Any) -> Outputs:
+        """Return the outputs of coordinates of `vectors` (n_local, m), whole on every rank, with communicator `comm` (collective)."""
+        whole = self.total(self.partial(vectors))
+        parts = zip(self.groups, self.layout.values(), strict=True)
+        return Outputs.of([replace(group, local=sparse.csr_matrix(whole[rows])) for group, rows in parts], comm)
+
+
+@dataclass(frozen=True)
+class Reduction:
+    """The basis that the dofs of a projected model are coordinates of."""
+
+    vectors: np.ndarray
+    """(n_local, m): this rank's rows in the model that was projected."""
+    comm: Any
+    """Of that model: the projected one is the same on all its ranks."""
 
 
 @dataclass
 class Operators:
-    """Matrices, loads, contacts and probes of a model; it owns its PETSc objects (`with` closes them)."""
+    """Matrices, loads, contacts and outputs of a model; it owns its PETSc objects (`with` closes them)."""
 
     stiffness: Any
     mass: Any
@@ -128,14 +195,15 @@ class Operators:
     """None where the model has no damping."""
     loads: list[Load]
     contacts: Contacts
-    probes: Functionals
+    outputs: Outputs
+    """Groups "probes", "elongation" and "reactions", the last one empty where the model knows no ground."""
     comm: Any
     bonded_springs: sparse.csr_matrix
     """(n_local, n_local) N/m: the part of the stiffness that is plain springs and bonded components of joints."""
     unilateral_springs: sparse.csr_matrix
     """(n_local, n_local) N/m: the part that is components of joints whose contact can open."""
-    reactions: Reactions | None = None
-    """None where the model knows no ground, as an oscillator written down in numbers."""
+    reduction: Reduction | None = None
+    """None where the dofs are those of the model itself."""
 
     @property
     def n(self) -> int:
@@ -146,6 +214,25 @@ class Operators:
     def n_local(self) -> int:
         """Number of dofs of this rank."""
         return int(self.stiffness.getLocalSize()[0])
+
+    @property
+    def probes(self) -> OutputGroup:
+        """The displacements and rotations of the probes."""
+        return self.outputs["probes"]
+
+    @property
+    def reactions(self) -> OutputGroup:
+        """The resultants of the forces of the ground on the plate."""
+        return self.outputs["reactions"]
+
+    @property
+    def world(self) -> Any:
+        """The communicator of all ranks that work on the model."""
+        return self.comm if self.reduction is None else self.reduction.comm
+
+    def reconstruct(self, values: np.ndarray) -> np.ndarray:
+        """Return this rank's part (..., rows) of the displacements for its part (..., n_local) of solutions."""
+        return values if self.reduction is None else values @ self.reduction.vectors.T
 
     def new_vector(self) -> Any:
         """Return a new zero vector of the system; the caller destroys it."""
@@ -160,3 +247,20 @@ class Operators:
         for thing in (self.stiffness, self.mass, self.damping, *(load.vector for load in self.loads)):
             if thing is not None:
                 thing.destroy()
+
+
+def probe_group(names: tuple[str, ...], local: sparse.csr_matrix) -> OutputGroup:
+    """Return displacements of probes: in rad where a name ends in .DRX, .DRY, .DRZ, else in m."""
+    turned = [name.rsplit(".", 1)[-1].startswith("DR") for name in names]
+    return OutputGroup("probes", names, tuple("rad" if turns else "m" for turns in turned), local)
+
+
+def elongation_group(contacts: Contacts) -> OutputGroup:
+    """Return the elongations of the contacts' channels."""
+    names = contacts.elongation.names
+    return OutputGroup("elongation", names, ("m",) * len(names), contacts.elongation.local)
+
+
+def no_reactions(n_local: int) -> OutputGroup:
+    """Return the reactions of a model that knows no ground."""
+    return OutputGroup("reactions", (), (), sparse.csr_matrix((0, n_local)))

@@ -25,8 +25,8 @@ from uplift.forms.operators import Operators
 from uplift.meshes.checked import ModelError
 from uplift.solvers.bases.basis import Basis, Projected, apply, inner
 from uplift.solvers.bases.krylov import Growth, KrylovBasis
-from uplift.solvers.bases.reduced_march import solve_definite
 from uplift.solvers.bases.settings import KrylovSettings
+from uplift.solvers.dense import solve_definite
 
 log = logging.getLogger(__name__)
 

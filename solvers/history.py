@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from uplift.forms.contact.law import UpliftLaw
+from uplift.forms.operators import Outputs
 
 
 @dataclass(frozen=True)
@@ -36,18 +37,16 @@ class History:
 
     times: np.ndarray
     """(nt,) s."""
-    probes: np.ndarray
-    """(nt, n_probes) m, in the order of the model's probe functionals."""
-    elongation: np.ndarray
-    """(nt, n_channels) m, of the bonded contacts, positive when open."""
+    outputs: np.ndarray
+    """(nt, n_rows): the outputs of the model, in the units of `layout`."""
+    layout: Outputs
+    """The rows of `outputs`, in groups."""
     release: np.ndarray
     """(nt, n_channels) N, the release forces that acted."""
-    reactions: np.ndarray
-    """(nt, 3): base shear N, vertical reaction N, overturning moment N m; no columns where the model knows no ground."""
     peak: int = 0
     """Index of the instant at which a probe is farthest from zero."""
     peak_field: np.ndarray | None = None
-    """(n_local,) m: this rank's part of the solution at `peak`, where it was kept."""
+    """(n_local,) m: this rank's part of the displacements at `peak`, where they were kept."""
     ledger: Ledger | None = None
     """Energies, where they were kept."""
     accelerations: np.ndarray | None = None
@@ -56,6 +55,34 @@ class History:
     gap: np.ndarray | None = None
     """(nt, n_c) m, openings of the contacts where auxiliary nodes have masses that count; else they follow from the release forces."""
 
+    def group(self, name: str) -> np.ndarray:
+        """Return the outputs (nt, n) of one group."""
+        return self.outputs[:, self.layout.layout[name]]
+
+    @property
+    def probes(self) -> np.ndarray:
+        """Displacements in m and rotations in rad of the probes (nt, n_probes)."""
+        return self.group("probes")
+
+    @property
+    def elongation(self) -> np.ndarray:
+        """Elongations (nt, n_channels) m of the bonded contacts, positive when open."""
+        return self.group("elongation")
+
+    @property
+    def reactions(self) -> np.ndarray:
+        """Resultants (nt, n) of the ground's forces on the plate in N and N m; no columns where the model knows no ground."""
+        return self.group("reactions")
+
     def openings(self, law: UpliftLaw) -> np.ndarray:
         """Return the openings (nt, n_c) m of the contacts, zero where closed."""
         return law.gap(self.release) if self.gap is None else self.gap
+
+
+def farthest(probes: np.ndarray, moving: np.ndarray) -> np.ndarray:
+    """Return how far the farthest probe is from zero at each instant (nt,), of histories (nt, n_probes).
+
+    Displacements count, the columns `moving`; rotations only where there is no displacement.
+    """
+    counted = probes[:, moving] if moving.any() else probes
+    return np.max(np.abs(counted), axis=1, initial=0.0)

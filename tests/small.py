@@ -6,7 +6,20 @@ from petsc4py import PETSc
 from scipy import sparse
 
 from uplift.forms.contact.law import UpliftLaw
-from uplift.forms.operators import Contacts, Functionals, Load, Operators, no_contacts
+from uplift.forms.operators import (
+    Contacts,
+    Functionals,
+    Load,
+    Operators,
+    OutputGroup,
+    Outputs,
+    elongation_group,
+    no_contacts,
+    no_reactions,
+    probe_group,
+)
+from uplift.solvers.history import History
+from uplift.solvers.time_domain.march import stepper_of, transient
 
 
 def petsc_matrix(dense):
@@ -32,11 +45,35 @@ def dense_operators(stiffness, mass, damping=None, loads=(), contacts=None):
         damping=None if damping is None else petsc_matrix(np.asarray(damping, dtype=float)),
         loads=[Load(f"load {i}", petsc_vector(v), h, static=s) for i, (v, h, s) in enumerate(loads)],
         contacts=contacts,
-        probes=Functionals(tuple(f"u{i}" for i in range(n)), sparse.identity(n, format="csr"), MPI.COMM_SELF),
+        outputs=Outputs.of(
+            [probe_group(tuple(f"u{i}" for i in range(n)), sparse.identity(n, format="csr")), elongation_group(contacts), no_reactions(n)],
+            MPI.COMM_SELF,
+        ),
         comm=MPI.COMM_SELF,
         bonded_springs=sparse.csr_matrix((n, n)),
         unilateral_springs=(rows.T @ sparse.diags(contacts.law.stiffness) @ rows).tocsr(),
     )
+
+
+def outputs_of(**groups):
+    """The layout of some groups of outputs, of names each, for histories that are written down by hand."""
+    return Outputs.of(
+        [OutputGroup(name, names, ("m",) * len(names), sparse.csr_matrix((len(names), 0))) for name, names in groups.items()], MPI.COMM_SELF
+    )
+
+
+def history_of(times, probes, elongation, release):
+    """A history of probes and contacts that is written down by hand."""
+    layout = outputs_of(
+        probes=[f"u{i}" for i in range(probes.shape[1])], elongation=[f"c{i}" for i in range(elongation.shape[1])], reactions=[]
+    )
+    return History(times, np.hstack([probes, elongation]), layout, release)
+
+
+def marched(operators, scheme, step, steps, start, *, exact_uplift=False, **options):
+    """The history of a march from the state `start`, in all dofs or in a basis."""
+    with start, stepper_of(operators, scheme, step, exact_uplift=exact_uplift) as stepper:
+        return transient(stepper, start, steps, **options)
 
 
 def contact_on(dof, stiffness, n):

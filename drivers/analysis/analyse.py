@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from uplift.drivers.analysis.assembled_scene import Analysis, AssembledScene
 from uplift.drivers.analysis.modal import run_modal
 from uplift.drivers.analysis.snapshots import Snapshots
 from uplift.drivers.analysis.static import run_static
+from uplift.drivers.analysis.task import Task
 from uplift.drivers.analysis.time_frequency import run_fourier, run_laplace
 from uplift.drivers.analysis.transient import run_transient
 from uplift.drivers.process import require_scalars
 from uplift.drivers.scene.request import Request
+from uplift.forms.assembly.row_labels import rigid_motions
+from uplift.meshes.checked import ModelError
 from uplift.solvers.watch import Watch
 
 
@@ -22,7 +27,7 @@ def analyse(
     watch: Watch | None = None,
     iterative: bool = False,
 ) -> Analysis:
-    """Run one method (collective), filmed if a film is given.
+    """Run one method (collective); `snapshots` takes the deformed plate if it is given.
 
     Raises `ModelError` where it needs a static state and nothing holds the plate.
 
@@ -30,18 +35,40 @@ def analyse(
     `iterative` method; `watch` shows the progress of long loops and keeps their checkpoints.
     """
     request.check_held(assembly.scene, assembly.plate.unrestrained)
+    task = Task(assembly, assembly.operators, request, snapshots, groups, watch)
     if request.basis is not None:
-        from uplift.drivers.analysis.reduced_methods import analyse_in_basis
-
-        return analyse_in_basis(assembly, request, snapshots)
-    if request.method == "time-frequency":
-        require_scalars("complex")
-        sweep = run_laplace if request.passes is None else run_fourier
-        analysis = sweep(assembly, request, snapshots, groups, watch)
+        analysis = _in_basis(task)
     elif request.method == "transient":
-        analysis = run_transient(assembly, request, snapshots, watch, iterative)
+        analysis = run_transient(_solved_iteratively(task) if iterative else task)
+    elif request.method == "time-frequency":
+        require_scalars("complex")
+        analysis = _swept(task)
     else:
-        analysis = (run_modal if request.method == "modal" else run_static)(assembly, request, snapshots)
+        analysis = (run_modal if request.method == "modal" else run_static)(task)
     if snapshots is not None and analysis.passes.ended == "diverged":
         snapshots.start(0)  # what ran away is not what the history holds
     return analysis
+
+
+def _swept(task: Task) -> Analysis:
+    return run_laplace(task) if task.exact else run_fourier(task)
+
+
+def _in_basis(task: Task) -> Analysis:
+    from uplift.drivers.analysis.basis import basis_notes, basis_of
+    from uplift.solvers.bases.project import project
+
+    assert task.request.basis is not None
+    basis, settings = basis_of(task.assembly, task.request.basis, task.request.basis_file)
+    with task.assembly.clock.phase("projection"):
+        small = project(task.operators, basis)
+    with small:
+        reduced = replace(task, operators=small, notes={"basis": basis_notes(basis, settings)})
+        return run_transient(reduced) if task.request.method == "transient" else _swept(reduced)
+
+
+def _solved_iteratively(task: Task) -> Task:
+    components = task.assembly.plate.components
+    if any(name.startswith("DR") for name in components):
+        raise ModelError("--solver", "iterative solves for displacements alone; a shell with rotations needs the direct one")
+    return replace(task, rigid_modes=rigid_motions(task.assembly.plate.labels, components))

@@ -34,7 +34,7 @@ def identity(scene: Scene, folder: Path, request: Request, *options: str) -> str
             files[entry] = hashlib.blake2b((folder / entry).read_bytes()).hexdigest()
 
     visit(scene.source)
-    asked = [request.method, request.passes, request.tolerance, *options]
+    asked = [request.method, request.passes, request.tolerance, request.basis, *options]
     text = json.dumps([scene.source, files, asked], sort_keys=True, default=str)
     return hashlib.blake2b(text.encode(), digest_size=16).hexdigest()
 

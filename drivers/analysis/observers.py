@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from uplift.drivers.analysis.assembled_scene import AssembledScene
-from uplift.drivers.analysis.snapshots import Snapshots
+from uplift.drivers.analysis.task import Task
 
 
 class LiftedShare:
@@ -29,34 +29,44 @@ class LiftedShare:
         return self._area.total(self.partial) if self.rows.any() else None
 
 
-class Observers:
+class Watchers:
     """All who look at the displacements of a march, and what of theirs is kept in its checkpoints."""
 
-    def __init__(self, assembly: AssembledScene, share: LiftedShare, snapshots: Snapshots | None) -> None:
-        """Take the lifted share and the snapshots, which may be None."""
-        self._share, self._film = share, snapshots
-        self._nothing = np.zeros((assembly.operators.n_local, 0))
+    def __init__(self, task: Task, share: LiftedShare) -> None:
+        """Take the lifted share; the snapshots are those of the task."""
+        self._share, self._snapshots = share, task.snapshots
+        # In a basis each field costs a product of the size of the model: frames alone are shown, not every instant for the envelope.
+        self._frames_only = task.reduced
+        self._nothing = np.zeros((task.assembly.operators.n_local, 0))
+
+    def wants(self, row: int) -> bool:
+        """Return whether anybody looks at an archived instant."""
+        return bool(self._share.rows[row]) or self._filmed(row)
+
+    def _filmed(self, row: int) -> bool:
+        return self._snapshots is not None and (not self._frames_only or row in self._snapshots.rows)
 
     def watch(self, row: int, values: np.ndarray) -> None:
         """Take in the displacements (n_local,) at an archived instant."""
         self._share.watch(row, values)
-        if self._film is not None:
-            self._film.watch(row, values)
+        if self._snapshots is not None and self._filmed(row):
+            self._snapshots.watch(row, values)
 
     def kept(self) -> tuple[np.ndarray, np.ndarray]:
         """Return what a checkpoint has to keep."""
-        lifted, fields = self._film.kept() if self._film is not None else (self._share.partial, self._nothing)
+        lifted, fields = self._snapshots.kept() if self._snapshots is not None else (self._share.partial, self._nothing)
         return np.stack([self._share.partial, lifted]), fields
 
     def restore(self, shares: np.ndarray, fields: np.ndarray) -> None:
         """Take in again what `kept` gave."""
         self._share.partial[:] = shares[0]
-        if self._film is not None:
-            self._film.restore(shares[1], fields)
+        if self._snapshots is not None:
+            self._snapshots.restore(shares[1], fields)
 
 
-def film_at(snapshots: Snapshots | None, instants: int, field: Callable[[int], np.ndarray | None], *, costly: bool = True) -> None:
-    """Film what `field` gives at the film's own instants (collective); nothing where fields were not kept."""
+def take_snapshots(task: Task, instants: int, field: Callable[[int], np.ndarray | None], *, costly: bool = True) -> None:
+    """Take what `field` gives at the instants of the snapshots (collective); nothing where fields were not kept."""
+    snapshots = task.snapshots
     if snapshots is None:
         return
     snapshots.start(instants, costly=costly)

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
-from uplift.drivers.analysis.assembled_scene import AssembledScene
-from uplift.drivers.scene.request import Request
-from uplift.solvers.contact.published_passes import Passes, published_passes
+from collections.abc import Callable
 
-FEW = 10
+import numpy as np
+
+from uplift.drivers.analysis.task import Task
+from uplift.solvers.contact.published_passes import Passes, published_passes
+from uplift.solvers.history import History
+
+MAX_KEPT_PASSES = 10
 """So many passes are all kept; of more, the first and the last two."""
 
 
-def run_passes(solve, assembly: AssembledScene, request: Request) -> Passes:  # type: ignore[no-untyped-def]  # the callable of published_passes
-    """Run the published passes that a request asks for."""
+def run_passes(solve: Callable[[np.ndarray | None], History], task: Task) -> Passes:
+    """Run the published passes that a request asks for; `solve` maps release forces (nt, n_channels) N to a history."""
+    request = task.request
     assert request.passes is not None
-    law = assembly.operators.contacts.law
-    return published_passes(solve, law, request.passes, tolerance=request.tolerance, keep_all=request.passes <= FEW)
+    law = task.operators.contacts.law
+    return published_passes(solve, law, request.passes, tolerance=request.tolerance, keep_all=request.passes <= MAX_KEPT_PASSES)

@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from uplift.drivers.analysis.assembled_scene import Analysis, AssembledScene
-from uplift.drivers.analysis.initial_state import SETTLED, distance_from_rest, settings_of
-from uplift.drivers.analysis.observers import LiftedShare, film_at
+from uplift.drivers.analysis.assembled_scene import Analysis
+from uplift.drivers.analysis.initial_state import rests
+from uplift.drivers.analysis.observers import LiftedShare, take_snapshots
 from uplift.drivers.analysis.passes import run_passes
-from uplift.drivers.analysis.snapshots import Snapshots
-from uplift.drivers.scene.request import Request
+from uplift.drivers.analysis.task import Task
 from uplift.meshes.checked import ModelError
 from uplift.meshes.findings import say
 from uplift.solvers.contact.published_passes import Passes
 from uplift.solvers.frequency_domain.window import Window
 from uplift.solvers.time_domain.initial import static_state
 from uplift.solvers.time_domain.state import at_rest
-from uplift.solvers.watch import Watch
 
 WRAPPED = 0.01
 """Part of the largest response that may be left at the end of a window before the run warns of wrap-around."""
@@ -25,58 +23,56 @@ LOST = 1e-4
 """Share of a load's energy, 1 % in amplitude, that may lie above the band of a window before the run warns."""
 
 
-def run_laplace(
-    assembly: AssembledScene, request: Request, snapshots: Snapshots | None, groups: int | None, watch: Watch | None
-) -> Analysis:
+def run_laplace(task: Task) -> Analysis:
     """Sweep over Laplace points and march with exact uplift (collective)."""
     from uplift.solvers.frequency_domain.laplace import laplace_run
 
-    settings = settings_of(assembly)
-    with assembly.clock.remainder("solution"):
-        start = at_rest(assembly.operators) if settings.start == "rest" else static_state(assembly.operators, exact_uplift=True)
-        if settings.start == "settled" and distance_from_rest(assembly, start) > SETTLED:
+    settings, operators, clock = task.settings, task.operators, task.assembly.clock
+    with clock.remainder("sweep" if task.reduced else "solution"):
+        start = at_rest(operators) if settings.start == "rest" else static_state(operators, exact_uplift=True)
+        if not rests(task, start):
             words = "the sweep starts from a state of rest, and the settling steps end in motion; set start = 'static'"
             raise ModelError("transient.start", words)
         with start:
             run = laplace_run(
-                assembly.operators, settings.scheme, settings.step, settings.steps, start, every=settings.every, groups=groups, watch=watch
+                operators, settings.scheme, settings.step, settings.steps, start,
+                every=settings.every, groups=task.groups, watch=task.watch,
             )
-        assembly.clock.add("factorisation", run.factor_seconds)
-        assembly.clock.add("march", run.march_seconds)
-        share = LiftedShare(assembly, settings.archived)
+        clock.add("factorisation", run.factor_seconds)
+        clock.add("march", run.march_seconds)
+        share = LiftedShare(task.assembly, settings.archived)
         for row in np.flatnonzero(share.rows):
             values = run.field(row)
             if values is not None:
                 share.watch(row, values)
-        film_at(snapshots, len(settings.archived), run.field)
-    notes = {"laplace_points": run.points}
+        take_snapshots(task, len(settings.archived), run.field)
+    notes = task.notes | {"laplace_points": run.points}
     return Analysis("time-frequency", Passes([run.history], number=1), True, tries=run.tries, lifted=share.result(), notes=notes)
 
 
-def run_fourier(
-    assembly: AssembledScene, request: Request, snapshots: Snapshots | None, groups: int | None, watch: Watch | None
-) -> Analysis:
+def run_fourier(task: Task) -> Analysis:
     """Sweep over frequencies and run the published passes (collective)."""
     from uplift.solvers.frequency_domain import fourier
     from uplift.solvers.frequency_domain.harmonic import FourierResponse, harmonic_sweep, shares_beyond
 
-    window: Window | None = assembly.scene.fourier
+    window: Window | None = task.assembly.scene.fourier
     assert window is not None
-    with assembly.clock.remainder("solution"):
-        transfer = harmonic_sweep(assembly.operators, 2 * np.pi * window.frequencies, groups=groups, watch=watch)
-        assembly.clock.add("factorisation", transfer.factor_seconds)
-        response = FourierResponse(assembly.operators, window, transfer)
-        passes = run_passes(response.history, assembly, request)
+    operators, clock, snapshots = task.operators, task.assembly.clock, task.snapshots
+    with clock.remainder("sweep" if task.reduced else "solution"):
+        transfer = harmonic_sweep(operators, 2 * np.pi * window.frequencies, groups=task.groups, watch=task.watch)
+        clock.add("factorisation", transfer.factor_seconds)
+        response = FourierResponse(operators, window, transfer)
+        passes = run_passes(response.history, task)
         again = fourier.inverse_by_sum(response.probe_spectrum(passes.final.release), window.samples)
         check = float(np.max(np.abs(again - passes.final.probes), initial=0.0))
         acted = passes.final.release
-        film_at(snapshots, window.samples, response.field(acted))
+        take_snapshots(task, window.samples, response.field(acted))
         if snapshots is not None:
             strongest = 1 + int(np.argmax(np.max(np.abs(response.probe_spectrum(acted)[1:]), axis=1)))
             amplitudes = response.amplitudes(acted, strongest)
             if amplitudes is not None:
                 snapshots.note_amplitude(float(window.frequencies[strongest]), amplitudes)
-        cut, folded = shares_beyond(assembly.operators, window)
+        cut, folded = shares_beyond(operators, window)
         left = response.left_over(passes.final)
     if left > WRAPPED and passes.ended not in ("diverged", "not converged"):  # else it is no response
         share = f"{left:.1%} of the largest response"
@@ -85,7 +81,7 @@ def run_fourier(
         say("aliasing", f"aliasing: {folded:.1%} of the load's energy is above half the sampling rate and comes back lower: sample finer")
     elif cut > LOST:
         say("cutoff", f"{cut:.1%} of the load's energy lies above the cutoff of {window.cutoff:g} Hz and is missed: raise it")
-    notes = {
+    notes = task.notes | {
         "frequencies": len(window.frequencies),
         "response_left_at_end_of_window": left,
         "load_energy_above_cutoff": cut,

@@ -1,59 +1,52 @@
-"""Direct time integration of an assembled scene in all dofs."""
+"""Integration in time of an assembled scene, in all dofs or in a basis."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from uplift.drivers.analysis.assembled_scene import Analysis, AssembledScene
-from uplift.drivers.analysis.initial_state import distance_from_rest, settings_of, start_state, warn_unsettled
-from uplift.drivers.analysis.observers import LiftedShare, Observers
+from uplift.drivers.analysis.assembled_scene import Analysis
+from uplift.drivers.analysis.initial_state import start_state
+from uplift.drivers.analysis.observers import LiftedShare, Watchers
 from uplift.drivers.analysis.passes import run_passes
-from uplift.drivers.analysis.snapshots import Snapshots
-from uplift.drivers.scene.request import Request
-from uplift.forms.assembly.row_labels import rigid_motions
-from uplift.meshes.checked import ModelError
+from uplift.drivers.analysis.task import Task
 from uplift.solvers.contact.published_passes import Passes
 from uplift.solvers.history import History
-from uplift.solvers.time_domain.initial import static_state
-from uplift.solvers.time_domain.march import transient
+from uplift.solvers.time_domain.march import Stepper, stepper_of, transient
 from uplift.solvers.time_domain.newmark import Newmark
-from uplift.solvers.watch import Watch
+from uplift.solvers.time_domain.state import State
 
 LEDGER_DOFS = 50_000
 """Up to this size the ledger of energies is kept, whose products of matrix and vector then cost less than the rest of a step."""
 
 
-def run_transient(
-    assembly: AssembledScene, request: Request, snapshots: Snapshots | None, watch: Watch | None, iterative: bool
-) -> Analysis:
-    """Integrate in time in all dofs (collective)."""
-    settings, exact = settings_of(assembly), request.passes is None
-    components = assembly.plate.components
-    if iterative and any(name.startswith("DR") for name in components):
-        raise ModelError("--solver", "iterative solves for displacements alone; a shell with rotations needs the direct one")
-    motions = rigid_motions(assembly.plate.labels, components) if iterative else None
+def run_transient(task: Task) -> Analysis:
+    """March through the scene's time, uplift exact or by the published passes (collective)."""
+    settings, operators, clock = task.settings, task.operators, task.assembly.clock
     with (
-        assembly.clock.remainder("solution"),
-        start_state(assembly, exact_uplift=exact, motions=motions) as start,
-        Newmark(assembly.operators, settings.scheme, settings.step, exact_uplift=exact, motions=motions) as method,
+        clock.remainder("march" if task.reduced else "solution"),
+        start_state(task) as start,
+        stepper_of(operators, settings.scheme, settings.step, exact_uplift=task.exact, rigid_modes=task.rigid_modes) as stepper,
     ):
-        assembly.clock.add("factorisation", method.solver.factor_seconds)
-        if settings.start == "settled" and exact:
-            with static_state(assembly.operators, exact_uplift=True, motions=motions) as static:
-                away = distance_from_rest(assembly, static)
-            warn_unsettled(away)
-        share = LiftedShare(assembly, settings.archived)
-        ledger = assembly.operators.n <= LEDGER_DOFS
-        observer = Observers(assembly, share, snapshots) if snapshots is not None or share.rows.any() else None
+        if isinstance(stepper, Newmark):
+            clock.add("factorisation", stepper.solver.factor_seconds)
+        passes, lifted = _march(task, start, stepper)
+        tries = stepper.contacts.tries if stepper.contacts is not None else None
+    return Analysis(task.request.method, passes, task.exact, tries=tries, lifted=lifted, notes=task.notes)
 
-        def solve(release: np.ndarray | None) -> History:
-            if snapshots is not None:
-                snapshots.start(len(settings.archived))
-            return transient(
-                method, start, settings.steps, every=settings.every, release=release, energy=ledger, observer=observer, watch=watch
-            )
 
-        passes = Passes([solve(None)], number=1) if exact else run_passes(solve, assembly, request)
-        problem = method.compliance.problem if method.compliance else None
-        tries = problem.tries / max(problem.solved, 1) if problem else None
-        return Analysis("transient", passes, exact, tries=tries, lifted=None if passes.ended == "diverged" else share.result())
+def _march(task: Task, start: State, stepper: Stepper) -> tuple[Passes, np.ndarray | None]:
+    """Return the histories and the lifted share of the area (nt,) in percent, where the scene asks for it."""
+    settings, snapshots = task.settings, task.snapshots
+    share = LiftedShare(task.assembly, settings.archived)
+    watchers = Watchers(task, share) if snapshots is not None or share.rows.any() else None
+
+    def solve(release: np.ndarray | None) -> History:
+        if snapshots is not None:
+            snapshots.start(len(settings.archived))
+        return transient(
+            stepper, start, settings.steps, every=settings.every, release=release,
+            energy=task.operators.n <= LEDGER_DOFS, watcher=watchers, watch=task.watch,
+        )
+
+    passes = Passes([solve(None)], number=1) if task.exact else run_passes(solve, task)
+    return passes, None if passes.ended == "diverged" else share.result()

@@ -69,8 +69,7 @@ def tables(assembly: AssembledScene, analysis: Analysis) -> dict[str, dict[str, 
         }
     if history.reactions.shape[1]:
         reactions = assembly.operators.reactions
-        assert reactions is not None
-        named = [f"{name} [{'N m' if 'moment' in name else 'N'}]" for name in reactions.functionals.names]
+        named = [f"{name} [{unit}]" for name, unit in zip(reactions.names, reactions.units, strict=True)]
         result["reactions"] = {name: history.reactions[:, i] for i, name in enumerate(named)}
         if contacts.names:
             lifted = history.openings(contacts.law) > 0

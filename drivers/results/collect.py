@@ -2,39 +2,35 @@
 
 from __future__ import annotations
 
-from uplift.drivers.results.contact_lines import contact_lines
-from uplift.drivers.analysis.snapshots import vectors_in_space
-from uplift.drivers.results.results import floor_spectra
-from uplift.drivers.results.results import Results
-from uplift.drivers.results.results import Series
-from uplift.forms.contact.supports import TRANSLATIONS
-from uplift.solvers.spectra import DAMPING
-from uplift.solvers.spectra import FREQUENCIES
-from uplift.solvers.spectra import ResponseSpectrum
-from uplift.solvers.spectra import response_spectrum
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
 
-from typing import TYPE_CHECKING
+from uplift.drivers.analysis.snapshots import vectors_in_space
+from uplift.drivers.results.contact_lines import contact_lines
+from uplift.drivers.results.results import Results, Series, floor_spectra
+from uplift.forms.contact.supports import TRANSLATIONS
+from uplift.forms.operators import OutputGroup
 
 if TYPE_CHECKING:
-    from uplift.drivers.analysis.assembled_scene import Analysis
-    from uplift.drivers.analysis.assembled_scene import AssembledScene
+    from uplift.drivers.analysis.assembled_scene import Analysis, AssembledScene
     from uplift.drivers.analysis.snapshots import SnapshotData
 
 AXES = "XYZ"
 
 
-def collect(assembly: AssembledScene, analysis: Analysis, snapshot_data: SnapshotData | None, facts: dict[str, Any], scene_text: str) -> Results:
+def collect(
+    assembly: AssembledScene, analysis: Analysis, snapshot_data: SnapshotData | None, facts: dict[str, Any], scene_text: str
+) -> Results:
     """Return the results of a run, on rank 0."""
     model, operators, history = assembly.plate.model, assembly.operators, analysis.final
     series = _motion(assembly, analysis)
     unilateral = [support for support in model.supports if support.unilateral]
     if operators.contacts.names:
         series |= _contacts(assembly, analysis)
-    if operators.reactions is not None and history.reactions.shape[1]:
-        series |= _reactions(operators.reactions.functionals.names, history.reactions)
-    lifted = snapshot_data.lifted if snapshot_data is not None and snapshot_data.lifted is not None and snapshot_data.watched else analysis.lifted
+    series |= _reactions(operators.reactions, history.reactions)
+    watched = snapshot_data is not None and snapshot_data.watched > 0
+    lifted = snapshot_data.lifted if snapshot_data is not None and watched else analysis.lifted
     if lifted is not None:
         about = "Share of the plate's area whose nodes have risen"
         series["uplift/area"] = Series(("lifted area",), "%", lifted[:, None], about)
@@ -71,7 +67,7 @@ def _direction(unilateral: str) -> np.ndarray:
 
 def _motion(assembly: AssembledScene, analysis: Analysis) -> dict[str, Series]:
     history, names = analysis.final, assembly.operators.probes.names
-    rotations = np.array([name.split(".")[-1].startswith("DR") for name in names], dtype=bool)
+    rotations = ~assembly.operators.probes.moving
     series = {}
 
     def keep(path: str, values: np.ndarray, mask: np.ndarray, unit: str, about: str) -> None:
@@ -124,8 +120,8 @@ def _contacts(assembly: AssembledScene, analysis: Analysis) -> dict[str, Series]
     return series
 
 
-def _reactions(names: tuple[str, ...], values: np.ndarray) -> dict[str, Series]:
-    moments = np.array(["moment" in name for name in names], dtype=bool)
+def _reactions(group: OutputGroup, values: np.ndarray) -> dict[str, Series]:
+    names, moments = group.names, np.array([unit == "N m" for unit in group.units], dtype=bool)
     parts = (("reactions/force", ~moments, "N", "Resultants of the ground's forces on the plate"),
              ("reactions/moment", moments, "N m", "Their moments about the middle of the plate's foot"))
     return {

@@ -20,19 +20,17 @@ from uplift.drivers.analysis.assembled_scene import AssembledScene
 from uplift.drivers.analysis.modes import Wanted, find_modes
 from uplift.drivers.results.folder import all_or_nothing, versions, write_columns, write_summary
 from uplift.drivers.scene.analysis import Transient
+from uplift.forms.operators import Operators
 from uplift.meshes.checked import ModelError
 from uplift.meshes.findings import say
 from uplift.solvers.bases.basis import Basis
 from uplift.solvers.bases.modes import Modes, dofs_with_mass
 from uplift.solvers.bases.project import project
-from uplift.solvers.bases.reduced_march import march as reduced_march
-from uplift.solvers.bases.reduced_march import static_state as reduced_static_state
 from uplift.solvers.bases.static_answers import with_static_answers
 from uplift.solvers.errors import SolverError
 from uplift.solvers.history import History
 from uplift.solvers.time_domain.initial import static_state
-from uplift.solvers.time_domain.march import transient
-from uplift.solvers.time_domain.newmark import Newmark
+from uplift.solvers.time_domain.march import stepper_of, transient
 
 COUNTS = (5, 10, 15, 20, 30, 40, 60, 80, 100, 150, 200)
 """Numbers of modes that are tried, as far as the model has them."""
@@ -150,7 +148,7 @@ def measure(assembly: AssembledScene, settings: Transient, found: Modes, counts:
     """Run the scene in all dofs and on the first modes of each count, without and with correction (collective)."""
     operators, vectors = assembly.operators, found.basis.vectors
     with assembly.clock.phase("run in all dofs"):
-        physical, seconds = _timed(lambda: _physical(assembly, settings), operators.comm)
+        physical, seconds = _timed(lambda: _marched(operators, settings), operators.comm)
     levels = []
     for count in counts:
         modal = Basis(vectors[:, :count], operators.comm)
@@ -182,22 +180,17 @@ def _timed(run: Callable[[], History], comm: Any) -> tuple[History, float]:
     return history, shortest
 
 
-def _physical(assembly: AssembledScene, settings: Transient) -> History:
-    operators = assembly.operators
+def _marched(operators: Operators, settings: Transient) -> History:
     with (
         static_state(operators, exact_uplift=True) as start,
-        Newmark(operators, settings.scheme, settings.step, exact_uplift=True) as method,
+        stepper_of(operators, settings.scheme, settings.step, exact_uplift=True) as stepper,
     ):
-        return transient(method, start, settings.steps, every=settings.every)
+        return transient(stepper, start, settings.steps, every=settings.every)
 
 
 def _modal(assembly: AssembledScene, settings: Transient, basis: Basis) -> History:
-    model = project(assembly.operators, basis)
-    start = reduced_static_state(model, exact_uplift=True)
-    run = reduced_march(
-        model, settings.scheme, settings.step, settings.steps, every=settings.every, start=start, exact_uplift=True
-    )
-    return run.history(model)
+    with project(assembly.operators, basis) as small:
+        return _marched(small, settings)
 
 
 def _contact_forces(assembly: AssembledScene, history: History) -> np.ndarray:

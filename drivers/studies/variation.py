@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import csv
 import time
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -18,19 +17,22 @@ import numpy as np
 
 from uplift.drivers.analysis.assembled_scene import AssembledScene, prepare
 from uplift.drivers.analysis.basis import basis_notes, basis_of
-from uplift.drivers.analysis.reduced_methods import start_in_basis
+from uplift.drivers.analysis.initial_state import start_state
+from uplift.drivers.analysis.task import Task
 from uplift.drivers.report import plots
 from uplift.drivers.results.folder import all_or_nothing, versions, write_summary
+from uplift.drivers.scene.request import Request
 from uplift.drivers.scene.scene import Scene
 from uplift.drivers.scene.vary import Variation, cases_of
+from uplift.forms.operators import Operators
 from uplift.meshes.checked import ModelError
 from uplift.meshes.findings import say
 from uplift.solvers.bases.krylov import KrylovBasis
-from uplift.solvers.bases.project import ReducedModel, project
-from uplift.solvers.bases.reduced_march import march as reduced_march
+from uplift.solvers.bases.project import project
 from uplift.solvers.bases.settings import KrylovSettings
 from uplift.solvers.basis_file import fingerprint, load_outside
 from uplift.solvers.errors import SolverError
+from uplift.solvers.time_domain.march import stepper_of, transient
 
 SECONDS = "seconds"
 
@@ -41,29 +43,26 @@ class _Stage:
     def __init__(self, comm: Any, tolerance: float, path: Path | None) -> None:
         self.comm, self.tolerance, self.path = comm, tolerance, path
         self.assembly: AssembledScene | None = None
-        self.model: ReducedModel | None = None
+        self.model: Operators | None = None
         self.bases: dict[str, tuple[KrylovBasis, KrylovSettings]] = {}
 
     def __enter__(self) -> _Stage:
         return self
 
     def __exit__(self, *args: object) -> None:
-        if self.assembly is not None:
-            self.assembly.__exit__(*args)
+        self._free()
 
-    @property
-    def probe_names(self) -> tuple[str, ...]:
-        """Names of the probes' displacements."""
-        assert self.assembly is not None
-        return self.assembly.operators.probes.names
+    def _free(self) -> None:
+        for owner in (self.model, self.assembly):
+            if owner is not None:
+                owner.__exit__()
+        self.model = self.assembly = None
 
-    def set(self, scene: Scene) -> ReducedModel:
+    def set(self, scene: Scene) -> Operators:
         """Return the reduced model of a scene, from what is there as far as that goes (collective)."""
         if self.assembly is not None and self.model is not None and _same_but_for_signals(self.assembly.scene, scene):
-            return replace(self.model, histories=_histories(self.assembly, scene))
-        if self.assembly is not None:
-            self.assembly.__exit__()
-            self.assembly = None
+            return _with_signals(self.model, self.assembly.scene, scene)
+        self._free()
         self.assembly = prepare(scene, self.comm)
         self.model = project(self.assembly.operators, self._basis(self.assembly))
         return self.model
@@ -86,10 +85,10 @@ def _same_but_for_signals(one: Scene, other: Scene) -> bool:
     return same and [m.direction for m in one.model.motions] == [m.direction for m in other.model.motions]
 
 
-def _histories(assembly: AssembledScene, scene: Scene) -> tuple[Callable[[np.ndarray], np.ndarray], ...]:
-    """Return the load histories of the assembled model with the signals of `scene` in place of its own."""
-    signals = {id(own.signal): new.signal for own, new in zip(assembly.scene.model.motions, scene.model.motions, strict=True)}
-    return tuple(signals.get(id(load.history), load.history) for load in assembly.operators.loads)
+def _with_signals(model: Operators, own: Scene, scene: Scene) -> Operators:
+    """Return the model of the scene `own` with the signals of `scene` in place of its own."""
+    signals = {id(old.signal): new.signal for old, new in zip(own.model.motions, scene.model.motions, strict=True)}
+    return replace(model, loads=[replace(load, history=signals.get(id(load.history), load.history)) for load in model.loads])
 
 
 def run_study(
@@ -108,7 +107,9 @@ def run_study(
         for values, case in cases:
             start = time.perf_counter()
             try:
-                names, found = _extremes(stage.set(case), case, stage.probe_names)
+                model = stage.set(case)
+                assert stage.assembly is not None
+                names, found = _extremes(stage.assembly, model, case)
                 columns = columns or names
             except SolverError as error:
                 failures += 1
@@ -122,23 +123,20 @@ def run_study(
     return [*(v.key for v in variations), *columns, SECONDS], rows, facts
 
 
-def _extremes(model: ReducedModel, scene: Scene, probe_names: tuple[str, ...]) -> tuple[list[str], list[float]]:
-    settings = scene.transient
-    assert settings is not None
-    start = start_in_basis(settings, model, exact_uplift=True)
-    run = reduced_march(
-        model, settings.scheme, settings.step, settings.steps, every=settings.every, start=start, exact_uplift=True
-    )
-    probes = run.coordinates @ model.probes.T
-    names, found = [], []
-    for i, name in enumerate(probe_names):
+def _extremes(assembly: AssembledScene, model: Operators, scene: Scene) -> tuple[list[str], list[float]]:
+    """Return the names and the values of the extremes of a case, whose model in the basis is given."""
+    task = Task(replace(assembly, scene=scene), model, Request("transient"))
+    settings = task.settings
+    with start_state(task) as start, stepper_of(model, settings.scheme, settings.step, exact_uplift=True) as stepper:
+        history = transient(stepper, start, settings.steps, every=settings.every)
+    probes, names, found = history.probes, [], []
+    for i, name in enumerate(model.probes.names):
         names += [f"min {name} [m]", f"max {name} [m]"]
         found += [float(probes[:, i].min()), float(probes[:, i].max())]
-    n_c = model.law.n_contacts
-    if n_c:
+    if model.contacts.names:
+        gap = history.openings(model.contacts.law)
         names += ["largest gap [m]", "most open contacts [%]"]
-        lifted = run.release[:, :n_c] > 0
-        found += [float(np.max(model.law.gap(run.release))), float(100.0 * lifted.mean(axis=1).max())]
+        found += [float(np.max(gap)), float(100.0 * (gap > 0).mean(axis=1).max())]
     return names, found
 
 

@@ -16,12 +16,12 @@ from uplift.forms.assembly.full_space import FullSpace
 from uplift.forms.assembly.loads import Inertia, load_list
 from uplift.forms.assembly.nodes import at_nodes
 from uplift.forms.assembly.numbering import Numbering
-from uplift.forms.assembly.outputs import lifted_area, probe_functionals
+from uplift.forms.assembly.outputs import lifted_area, probe_outputs
 from uplift.forms.assembly.row_labels import row_labels
 from uplift.forms.assembly.unrestrained import free_motions
 from uplift.forms.contact.joints import Joints
 from uplift.forms.contact.supports import AXES, TRANSLATIONS
-from uplift.forms.operators import LiftedArea, Operators
+from uplift.forms.operators import LiftedArea, Operators, Outputs, elongation_group
 from uplift.forms.parameters import PlateModel
 from uplift.forms.shells.kinematics import up_of
 from uplift.meshes.checked import ModelError
@@ -97,17 +97,18 @@ def assemble_plate(forms: CompiledForms, model: PlateModel) -> AssembledPlate:
     total_mass = inertia.total_mass()
     for matrix in matrices:
         matrix.destroy()
+    contacts = joints.contacts(numbering)
+    groups = [probe_outputs(forms, numbering, model), elongation_group(contacts), joints.reactions(numbering)]
     operators = Operators(
         stiffness=stiffness,
         mass=mass,
         damping=rest[0] if damped else None,
         loads=loads,
-        contacts=joints.contacts(numbering),
-        probes=probe_functionals(forms, numbering, model),
+        contacts=contacts,
+        outputs=Outputs.of(groups, numbering.comm),
         comm=numbering.comm,
         bonded_springs=bonded,
         unilateral_springs=unilateral,
-        reactions=joints.reactions(numbering),
     )
     area = lifted_area(forms, field, numbering, up)
     joint_mass = sum(support.mass * float(support.factors.sum()) for support in model.supports)

@@ -10,7 +10,7 @@ from uplift.forms.assembly.full_space import FullSpace
 from uplift.forms.assembly.numbering import Numbering
 from uplift.forms.assembly.points import interpolation
 from uplift.forms.contact.supports import AXES, TRANSLATIONS
-from uplift.forms.operators import Functionals, LiftedArea
+from uplift.forms.operators import LiftedArea, OutputGroup, probe_group
 from uplift.forms.parameters import PlateModel
 from uplift.meshes.checked import ModelError
 
@@ -31,8 +31,8 @@ def lifted_area(forms: CompiledForms, field: FullSpace, numbering: Numbering, up
     return LiftedArea(rows[rows >= 0], weights[rows >= 0] / total, numbering.comm)
 
 
-def probe_functionals(forms: CompiledForms, numbering: Numbering, model: PlateModel) -> Functionals:
-    """Return the displacements of the probes as functionals of the solution (collective)."""
+def probe_outputs(forms: CompiledForms, numbering: Numbering, model: PlateModel) -> OutputGroup:
+    """Return the displacements and rotations of the probes (collective)."""
     names: list[str] = []
     rows: list[int] = []
     columns: list[int] = []
@@ -53,4 +53,4 @@ def probe_functionals(forms: CompiledForms, numbering: Numbering, model: PlateMo
             weights += list(shape[free])
             names.append(f"{probe.name}.{component}")
     local_rows = sparse.csr_matrix((weights, (rows, columns)), shape=(len(names), numbering.n_local))
-    return Functionals(tuple(names), local_rows, numbering.comm)
+    return probe_group(tuple(names), local_rows)

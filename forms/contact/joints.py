@@ -13,7 +13,7 @@ from uplift.forms.assembly.numbering import Numbering
 from uplift.forms.assembly.points import in_words, owned_nodes
 from uplift.forms.contact.law import UpliftLaw
 from uplift.forms.contact.supports import AXES, TRANSLATIONS, JointTerm, Placed, Spring, Support, joint_term
-from uplift.forms.operators import Contacts, Functionals, Reactions
+from uplift.forms.operators import Contacts, Functionals, OutputGroup
 from uplift.forms.parameters import Mass, PlateModel
 from uplift.meshes.checked import ModelError
 
@@ -233,7 +233,7 @@ class Joints:
             ),
         )
 
-    def reactions(self, numbering: Numbering) -> Reactions:
+    def reactions(self, numbering: Numbering) -> OutputGroup:
         """Return the resultants of all spring forces on the plate, moments about the middle of its foot."""
         wanted = RESULTANTS[self.kind]
         picked = [component for _, component in wanted]
@@ -257,8 +257,10 @@ class Joints:
                 per_release[:, part.channel] = effect * (part.support.sign if normal else 1.0)
                 if normal:
                     constant -= effect * stiffness * part.support.sign * part.support.settlement
-        total = Functionals(tuple(name for name, _ in wanted), rows.tocsr(), numbering.comm)
-        return Reactions(total, total.total(per_release), total.total(constant))
+        comm, names = numbering.comm, tuple(name for name, _ in wanted)
+        units = tuple("N m" if component >= TRANSLATIONS else "N" for component in picked)
+        summed = (comm.allreduce(part) if comm.size > 1 else part for part in (per_release, constant))
+        return OutputGroup("reactions", names, units, rows.tocsr(), *summed)
 
 
 class _Entries:

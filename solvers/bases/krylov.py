@@ -34,10 +34,10 @@ from scipy import sparse
 from uplift.forms.operators import Operators
 from uplift.solvers.bases.arnoldi import PairSpace
 from uplift.solvers.bases.basis import Basis, Projected, apply, inner
-from uplift.solvers.bases.reduced_march import solve_definite
 from uplift.solvers.bases.settings import KrylovSettings
 from uplift.solvers.bases.springs import inside_contacts, proportional, spring_forces
 from uplift.solvers.bases.static_answers import DEPENDENT
+from uplift.solvers.dense import solve_definite
 from uplift.solvers.errors import SolverError
 from uplift.solvers.linear import DirectSolver
 
@@ -124,8 +124,7 @@ class _Builder:
         self.size = 0
         self._vectors = np.empty((operators.n_local, 0), order="F")
         self._stiffness, self._damping, self._mass = (np.zeros((0, 0)) for _ in range(3))
-        observed = [operators.probes, operators.contacts.elongation]
-        self._looks = sparse.vstack([functionals.local for functionals in observed], format="csr")
+        self._looks = sparse.vstack([operators.probes.local, operators.contacts.elongation.local], format="csr")
         self._seen = np.zeros((self._looks.shape[0], 0))
         self.omega = 2 * np.pi * settings.test_frequencies
         self._worst = float(self.omega[-1])
@@ -273,7 +272,7 @@ class _Builder:
         self._stiffness, self._damping = _bordered(self._stiffness, between[0]), _bordered(self._damping, damped)
         self._mass = np.eye(self.size)
         self.generalised = np.vstack([self.generalised, inner(new, self.forces, self.comm)])
-        self._seen = np.hstack([self._seen, self.operators.probes.total(self._looks @ new)])
+        self._seen = np.hstack([self._seen, self.operators.outputs.total(self._looks @ new)])
         self._clock("projection", begin)
         return moved
 

@@ -27,12 +27,12 @@ import numpy as np
 from uplift.forms.contact.law import UpliftLaw
 from uplift.solvers.contact.step import ContactProblem
 
-FELT = 1e-3
+COUNTING_MASS = 1e-3
 """A mass counts if it adds more than this part to the support spring's stiffness in a step, 2 m / dt^2 against k."""
 
 
-class FreeNodes:
-    """The auxiliary nodes of a model's contacts in steps of one length; `felt` says under which contacts a mass counts.
+class AuxiliaryNodes:
+    """The auxiliary nodes of a model's contacts in steps of one length; `inertia_matters` says under which contacts a mass counts.
 
     Their motion is an array (4, n_c): w in m, its velocity, its acceleration, and the part of the release force above its lower bound.
     """
@@ -42,13 +42,13 @@ class FreeNodes:
         n_c = law.n_contacts
         self._step, self._mass, self._contact = step, law.mass[:n_c], law.stiffness[:n_c]
         self._support = 1 / np.maximum(law.flexibility[:n_c] - 1 / self._contact, np.finfo(float).tiny)
-        self.felt = 2 * self._mass > FELT * step**2 * self._support
-        self.any = bool(self.felt.any())
-        self._effective = np.where(self.felt, 2 * self._mass, 0.0) + step**2 * self._support
+        self.inertia_matters = 2 * self._mass > COUNTING_MASS * step**2 * self._support
+        self.any = bool(self.inertia_matters.any())
+        self._effective = np.where(self.inertia_matters, 2 * self._mass, 0.0) + step**2 * self._support
         self._yield = step**2 / self._effective
         """(n_c,) m/N: c, what a release force of this instant takes from w."""
 
-    def still(self, release: np.ndarray) -> np.ndarray:
+    def at_rest(self, release: np.ndarray) -> np.ndarray:
         """Return the motion (4, n_c) of nodes at rest under release forces (n_channels,) N."""
         acting = release[: len(self._mass)]
         nothing = np.zeros_like(acting)
@@ -64,8 +64,8 @@ class FreeNodes:
         n_c, dt = len(self._mass), self._step
         w, v, a, _ = motion
         ahead, rate = w + dt * v - 0.5 * dt**2 * a, v - 0.5 * dt * a
-        carried = np.where(self.felt, self._mass * a, 0.0)
-        known = np.where(self.felt, ahead + self._yield * (carried - self._support * ahead), 0.0)
+        inertia = np.where(self.inertia_matters, self._mass * a, 0.0)
+        known = np.where(self.inertia_matters, ahead + self._yield * (inertia - self._support * ahead), 0.0)
         least = self._contact * known / (1 + self._contact * self._yield)
         start = before.copy()
         start[:n_c] = motion[3]
@@ -73,9 +73,9 @@ class FreeNodes:
         above = release[:n_c].copy()
         release[:n_c] += least
         acting = release[:n_c]
-        new = (carried - self._support * ahead - acting) / self._effective
+        new = (inertia - self._support * ahead - acting) / self._effective
         free = np.stack([ahead + dt**2 * new, rate + 1.5 * dt * new, new, above])
-        return release, np.where(self.felt, free, np.stack([-acting / self._support, 0 * acting, 0 * acting, above]))
+        return release, np.where(self.inertia_matters, free, np.stack([-acting / self._support, 0 * acting, 0 * acting, above]))
 
     def gap(self, motion: np.ndarray) -> np.ndarray:
         """Return the openings (..., n_c) m, zero where closed, of motions (4, ..., n_c)."""
@@ -83,6 +83,6 @@ class FreeNodes:
 
     def on_ground(self, release: np.ndarray, motion: np.ndarray) -> np.ndarray:
         """Return what stands against the support springs' force on bonded nodes, (..., n_channels) N: -k w, without mass r itself."""
-        standing = release.copy()
-        standing[..., : len(self._mass)] = -self._support * motion[0]
-        return standing
+        force = release.copy()
+        force[..., : len(self._mass)] = -self._support * motion[0]
+        return force

@@ -9,25 +9,19 @@ import numpy as np
 
 from uplift.forms.operators import Operators
 from uplift.solvers.frequency_domain import fourier
-from uplift.solvers.frequency_domain.sweep import Transfer, sweep
+from uplift.solvers.frequency_domain.sweep import sweep
+from uplift.solvers.frequency_domain.transfer import Transfer
 from uplift.solvers.frequency_domain.window import Window
-from uplift.solvers.history import History
+from uplift.solvers.history import History, farthest
 from uplift.solvers.time_domain.state import load_values
 
 
-def harmonic_sweep(
-    operators: Operators,
-    omega: np.ndarray,
-    solve: Callable[..., Transfer] = sweep,
-    **how: Any,
-) -> Transfer:
+def harmonic_sweep(operators: Operators, omega: np.ndarray, **how: Any) -> Transfer:
     """Solve (K + i omega C - omega^2 M) X = [loads, unit release forces] at each omega (n_f,) in rad/s (collective).
 
-    `solve` makes the sweep, called as `frequency_domain.sweep.sweep` is: the direct one, or one in a basis; `how` holds further
-    arguments of it,
-    such as `groups` and `watch`.
+    `how` holds further arguments of the sweep, such as `groups` and `watch`.
     """
-    return solve(operators, 1j * omega, -(omega**2) + 0j, prefix="harmonic_", what="frequency sweep", **how)
+    return sweep(operators, 1j * omega, -(omega**2) + 0j, prefix="harmonic_", what="frequency sweep", **how)
 
 
 FINER = 8
@@ -66,13 +60,13 @@ class FourierResponse:
         self.operators = operators
         self.window = window
         self.transfer = transfer
-        self.load_list = fourier.forward(load_values(operators, window.times))[: len(window.frequencies)]
+        self._loads = fourier.forward(load_values(operators, window.times))[: len(window.frequencies)]
 
     def spectrum(self, release: np.ndarray | None) -> np.ndarray:
         """Return the spectra (n_f, n_columns) of the loads and of release forces (samples, n_channels) N (None: zero)."""
-        n_f, n_channels = len(self.load_list), self.transfer.elongation.shape[1]
+        n_f, n_channels = len(self._loads), self.operators.contacts.law.n_channels
         forces = np.zeros((n_f, n_channels)) if release is None else fourier.forward(release)[:n_f]
-        return np.concatenate([self.load_list, forces], axis=1)
+        return np.concatenate([self._loads, forces], axis=1)
 
     def probe_spectrum(self, release: np.ndarray | None) -> np.ndarray:
         """Return the spectra of the probes (n_f, n_probes)."""
@@ -80,18 +74,16 @@ class FourierResponse:
 
     def history(self, release: np.ndarray | None) -> History:
         """Return the response at the samples of the window."""
-        drive, transfer = self.spectrum(release), self.transfer
-        probes, elongation, resultants = (
-            fourier.inverse(np.einsum("foj,fj->fo", part, drive), self.window.samples)
-            for part in (transfer.probes, transfer.elongation, transfer.resultants)
-        )
-        acted = np.zeros_like(elongation) if release is None else release
-        reactions = self.operators.reactions
-        forces = reactions.values(resultants, acted) if reactions is not None else resultants
-        peak = int(np.argmax(np.max(np.abs(probes), axis=1))) if probes.size else 0
+        drive, samples, layout = self.spectrum(release), self.window.samples, self.operators.outputs
+        spectra = np.einsum("foj,fj->fo", self.transfer.outputs, drive)
+        acted = np.zeros((samples, drive.shape[1] - self._loads.shape[1])) if release is None else release
+        outputs = layout.values(fourier.inverse(spectra, samples), acted)
+        peak = int(np.argmax(farthest(outputs[:, layout.layout["probes"]], self.operators.probes.moving)))
         omega = 2 * np.pi * self.window.frequencies
-        felt = fourier.inverse(-(omega[:, None] ** 2) * np.einsum("fpj,fj->fp", transfer.probes, drive), self.window.samples)
-        return History(self.window.times, probes, elongation, acted, forces, peak, self.field(release)(peak), accelerations=felt)
+        accelerations = fourier.inverse(-(omega[:, None] ** 2) * spectra[:, layout.layout["probes"]], samples)
+        return History(
+            self.window.times, outputs, layout, acted, peak, self.field(release)(peak), accelerations=accelerations
+        )
 
     def left_over(self, history: History) -> float:
         """Return how far the probes are from rest in the last part of the window, relative to their farthest.
@@ -108,11 +100,11 @@ class FourierResponse:
 
     def field(self, release: np.ndarray | None) -> Callable[[int], np.ndarray | None]:
         """Return what gives this rank's part (n_local,) m of the displacements at a sample, None where fields were not kept."""
-        response, n, k = self.transfer.response(self.spectrum(release)), self.window.samples, np.arange(len(self.load_list))
+        response, n, k = self.transfer.response(self.spectrum(release)), self.window.samples, np.arange(len(self._loads))
         weight = np.where((k == 0) | (2 * k == n), 1.0, 2.0) / n
 
         def at(sample: int) -> np.ndarray | None:
-            return None if response is None else response.at(weight * np.exp(2j * np.pi * (k * sample % n) / n))
+            return None if response is None else self.operators.reconstruct(response.at(weight * np.exp(2j * np.pi * (k * sample % n) / n)))
 
         return at
 
@@ -124,4 +116,5 @@ class FourierResponse:
         if self.transfer.fields is None:
             return None
         n, drive = self.window.samples, self.spectrum(release)[frequency]
-        return (1.0 if frequency == 0 or 2 * frequency == n else 2.0) / n * (drive @ self.transfer.fields[frequency])
+        weight = (1.0 if frequency == 0 or 2 * frequency == n else 2.0) / n
+        return weight * self.operators.reconstruct(drive @ self.transfer.fields[frequency])

@@ -1,14 +1,7 @@
 """Uplift from one sweep and no iteration: convolution quadrature at the Laplace points of a time scheme, and a march.
 
-A time scheme with constant steps is a rational function of the shift z = exp(-s dt): written for the generating function
-U(z) = sum_n u_n z^n, the recurrences for displacement, velocity and acceleration give
-
-    (K + d1(z) C + m(z) d2(z) M) U(z) = F(z),
-    d2 = (1 - z)^2 / (dt^2 p),  d1 = (1 - z) (gamma + (1 - gamma) z) / (dt p),
-    p = beta + (1/2 + gamma - 2 beta) z + (1/2 - gamma + beta) z^2,
-    m = (1 - alpha_m + alpha_m z) / (1 - alpha_f + alpha_f z),
-
-for the trapezoidal rule d1 = 2 (1 - z) / (dt (1 + z)), d2 = d1^2. Solved at the points z_k = rho exp(-2 pi i k / L) of a circle, by
+A time scheme with constant steps is a rational function of the shift z (`uplift.solvers.time_domain.scheme`).
+Solved at the points z_k = rho exp(-2 pi i k / L) of a circle, by
 FFTs scaled with rho^-n this yields the very histories of the time scheme: the bonded response and the causal compliance kernel
 h_n of the contacts. The march over the release forces then closes the small contact problem with h_0 at each step. The points
 are independent of one another, so this is the variant that spreads over many machines.
@@ -30,15 +23,15 @@ import numpy as np
 import scipy.fft
 
 from uplift.forms.operators import Operators
-from uplift.solvers.contact.auxiliary_nodes import FreeNodes
-from uplift.solvers.contact.step import ContactProblem
+from uplift.solvers.contact.memory import ContactMemory, ContactStep, closed
 from uplift.solvers.frequency_domain.convolution import OnlineConvolution
-from uplift.solvers.frequency_domain.sweep import Transfer, sweep
-from uplift.solvers.history import History
+from uplift.solvers.frequency_domain.sweep import sweep
+from uplift.solvers.frequency_domain.transfer import Transfer
+from uplift.solvers.history import History, farthest
 from uplift.solvers.spectra import second_differences
-from uplift.solvers.time_domain.initial import balance_acceleration
-from uplift.solvers.time_domain.scheme import Scheme
-from uplift.solvers.time_domain.state import State, load_scale, load_values, tensions
+from uplift.solvers.time_domain.balance import balance_acceleration
+from uplift.solvers.time_domain.scheme import Scheme, Symbol
+from uplift.solvers.time_domain.state import Drive, State, load_values, tensions
 
 
 @dataclass(frozen=True)
@@ -64,36 +57,10 @@ class Circle:
         """The points (L/2 + 1,) of the half circle; the others are their conjugates."""
         return self.radius * np.exp(-2j * np.pi * np.arange(self.length // 2 + 1) / self.length)
 
-    def _denominator(self) -> np.ndarray:
-        beta, gamma, z = self.scheme.beta, self.scheme.gamma, self.points
-        return beta + (0.5 + gamma - 2 * beta) * z + (0.5 - gamma + beta) * z**2
-
     @property
-    def first(self) -> np.ndarray:
-        """d1 (L/2 + 1,) in 1/s."""
-        gamma, z = self.scheme.gamma, self.points
-        return (1 - z) * (gamma + (1 - gamma) * z) / (self.step * self._denominator())
-
-    @property
-    def second(self) -> np.ndarray:
-        """M d2 (L/2 + 1,) in 1/s2."""
-        return self._inertia_weight() * (1 - self.points) ** 2 / (self.step**2 * self._denominator())
-
-    def _inertia_weight(self) -> np.ndarray:
-        s, z = self.scheme, self.points
-        return (1 - s.alpha_m + s.alpha_m * z) / (1 - s.alpha_f + s.alpha_f * z)
-
-    def of_initial_load(self) -> np.ndarray:
-        """Return what multiplies the load f0 at time 0 beside its own transform, (L/2 + 1,)."""
-        s, z = self.scheme, self.points
-        shift = (s.alpha_f - s.alpha_m) / (1 - s.alpha_f + s.alpha_f * z)
-        return shift - self._inertia_weight() * (s.beta * (1 - z) + s.gamma * z) / self._denominator()
-
-    def of_initial_damping(self) -> np.ndarray:
-        """Return what multiplies C a0, with a0 the acceleration at time 0, (L/2 + 1,) in s."""
-        s, z = self.scheme, self.points
-        slope = (s.beta * (1 - z) + s.gamma * z) / self._denominator()
-        return self.step * (s.gamma / (1 - z) - (s.gamma + (1 - s.gamma) * z) / (1 - z) * slope)
+    def symbol(self) -> Symbol:
+        """The scheme at the points."""
+        return self.scheme.symbol(self.points, self.step)
 
     def forward(self, values: np.ndarray) -> np.ndarray:
         """Return the transform sum_n values_n z^n (L/2 + 1, ...) of values (steps + 1, ...)."""
@@ -123,61 +90,49 @@ class LaplaceRun:
 
 
 def laplace_run(
-    operators: Operators,
-    scheme: Scheme,
-    step: float,
-    steps: int,
-    start: State,
-    *,
-    every: int = 1,
-    exact_uplift: bool = True,
-    solve: Callable[..., Transfer] = sweep,
-    **how: Any,
+    operators: Operators, scheme: Scheme, step: float, steps: int, start: State, *, every: int = 1, exact_uplift: bool = True, **how: Any
 ) -> LaplaceRun:
     """Sweep and march `steps` steps of `step` s from the state of rest `start` (collective).
 
     Every `every`-th step is archived. Without `exact_uplift` every contact stays bonded. `start` must be the static answer
-    to the static loads, or zero with all of them set upon it at time 0; its velocity is taken as zero. `solve` makes the sweep, called
-    as `frequency_domain.sweep.sweep` is: the direct one, or one in a basis; `how` holds further
-    arguments of it, such as `groups` and `watch`.
+    to the static loads, or zero with all of them set upon it at time 0; its velocity is taken as zero. `how` holds further arguments of
+    the sweep, such as `groups` and `watch`. Many parameters because a march needs all of them.
     """
     circle = Circle(scheme, step, steps)
-    times = step * np.arange(steps + 1)
-    values = load_values(operators, times)
+    symbol = circle.symbol
+    drive = Drive.of(operators, step * np.arange(steps + 1))
+    values = drive.values
     if start.displacement.norm() > 0:
         values = values - load_values(operators, np.zeros(1), static_only=True)
     n_loads, n_channels = len(operators.loads), operators.contacts.law.n_channels
-
     more = []
     sudden = bool(np.any(values[0] != 0))
     if sudden:
         more.append(_initial_damping(operators, start, values[0], step))
     begin = time.perf_counter()
-    transfer = solve(operators, circle.first, circle.second, more=tuple(more), prefix="laplace_", what="Laplace sweep", **how)
+    transfer = sweep(operators, symbol.s, symbol.s_squared, more=tuple(more), prefix="laplace_", what="Laplace sweep", **how)
     for vector in more:
         vector.destroy()
-
     sweep_seconds = time.perf_counter() - begin
     begin = time.perf_counter()
-    drive = np.zeros((len(circle.points), transfer.probes.shape[2]), dtype=complex)
-    drive[:, :n_loads] = circle.forward(values)
+    amplitudes = np.zeros((len(circle.points), transfer.outputs.shape[2]), dtype=complex)
+    amplitudes[:, :n_loads] = circle.forward(values)
     if sudden:
-        drive[:, :n_loads] += circle.of_initial_load()[:, None] * values[0]
-        drive[:, -1] = circle.of_initial_damping()
-    release = np.tile(start.release, (steps + 1, 1))
-    tries, motions = 0.0, None
+        amplitudes[:, :n_loads] += symbol.initial_load[:, None] * values[0]
+        amplitudes[:, -1] = symbol.initial_damping
+    contact = _Contact.bonded(start, steps)
     if exact_uplift and n_channels:
-        release, motions, tries = _march(operators, circle, transfer, drive, start)
-        drive[:, n_loads : n_loads + n_channels] = circle.forward(release - start.release)
-    rest, response = np.real(start.displacement.array_r).copy(), transfer.response(drive)
+        contact = _march(operators, circle, transfer, amplitudes, start, drive.scale)
+        amplitudes[:, n_loads : n_loads + n_channels] = circle.forward(contact.release - start.release)
+    rest, response = np.real(start.displacement.array_r).copy(), transfer.response(amplitudes)
 
     def field(row: int) -> np.ndarray | None:
-        return None if response is None else rest + response.at(_weights(circle, row * every))
+        return None if response is None else operators.reconstruct(rest + response.at(_weights(circle, row * every)))
 
-    history = _history(operators, circle, transfer, drive, start, release, motions, every)
+    history = _history(operators, circle, transfer.outputs, amplitudes, rest, contact, every)
     history = replace(history, peak_field=field(history.peak))
     seconds = time.perf_counter() - begin
-    return LaplaceRun(history, len(circle.points), transfer.factor_seconds, sweep_seconds, seconds, tries, field)
+    return LaplaceRun(history, len(circle.points), transfer.factor_seconds, sweep_seconds, seconds, contact.tries, field)
 
 
 def _initial_damping(operators: Operators, start: State, values: np.ndarray, step: float) -> Any:
@@ -185,7 +140,7 @@ def _initial_damping(operators: Operators, start: State, values: np.ndarray, ste
     with start.copy() as state:
         state.displacement.zeroEntries()
         state.velocity.zeroEntries()
-        state.release = np.zeros_like(state.release)
+        state.contacts = closed(len(state.release))
         balance_acceleration(operators, state, values, step)
         vector = operators.new_vector()
         if operators.damping is not None:
@@ -193,65 +148,60 @@ def _initial_damping(operators: Operators, start: State, values: np.ndarray, ste
     return vector
 
 
+@dataclass(frozen=True)
+class _Contact:
+    """The contacts at every step of a march."""
+
+    law: ContactStep | None
+    release: np.ndarray
+    """(steps + 1, n_channels) N."""
+    inner: np.ndarray
+    """(steps + 1, n_inner)."""
+
+    @staticmethod
+    def bonded(start: State, steps: int) -> _Contact:
+        return _Contact(None, np.tile(start.release, (steps + 1, 1)), np.zeros((steps + 1, 0)))
+
+    @property
+    def tries(self) -> float:
+        return self.law.tries if self.law is not None else 0.0
+
+
 def _march(
-    operators: Operators, circle: Circle, transfer: Transfer, drive: np.ndarray, start: State
-) -> tuple[np.ndarray, np.ndarray | None, float]:
-    """Return the release forces (steps + 1, n_channels) N, the motion of nodes with mass, and the contact problems tried per step."""
-    law = operators.contacts.law
-    n_loads, n_channels = len(operators.loads), law.n_channels
-    linear = law.tension(circle.inverse(np.einsum("fcj,fj->fc", transfer.elongation, drive))) + tensions(operators, start.displacement)
-    kernel = law.stiffness[:, None] * circle.inverse(transfer.elongation[:, :, n_loads : n_loads + n_channels])
-    problem = ContactProblem(law, kernel[0])
-    release = np.tile(start.release, (circle.steps + 1, 1))
-    scale = load_scale(operators, load_values(operators, circle.step * np.arange(circle.steps + 1)))
-    nodes = FreeNodes(law, circle.step)
-    motions = np.repeat(nodes.still(start.release)[:, None], circle.steps + 1, axis=1) if nodes.any else None
+    operators: Operators, circle: Circle, transfer: Transfer, amplitudes: np.ndarray, start: State, scale: float
+) -> _Contact:
+    """Close the small contact problem at each step; `scale` as in `Drive`."""
+    law, answers = operators.contacts.law, transfer.elongation
+    n_loads = len(operators.loads)
+    linear = law.tension(circle.inverse(np.einsum("fcj,fj->fc", answers, amplitudes))) + tensions(operators, start.displacement)
+    kernel = law.stiffness[:, None] * circle.inverse(answers[:, :, n_loads : n_loads + law.n_channels])
+    contacts = ContactStep(law, kernel[0], circle.step)
+    memory = contacts.begin(ContactMemory(start.release, np.zeros(0)))
+    memories = [memory] * (circle.steps + 1)
 
     def step(n: int, past: np.ndarray) -> np.ndarray:
         if n > 0:
             tension = linear[n] + past - kernel[0] @ start.release
-            if motions is None:
-                release[n] = problem.solve(tension, release[n - 1], scale)
-            else:
-                release[n], motions[:, n] = nodes.solve(problem, tension, release[n - 1], motions[:, n - 1], scale)
-        return release[n] - start.release
+            memories[n] = contacts.advance(tension, memories[n - 1], scale)
+        return memories[n].release - start.release
 
     OnlineConvolution(kernel).run(step)
-    return release, motions, problem.tries / max(problem.solved, 1)
+    return _Contact(contacts, np.array([m.release for m in memories]), np.array([m.inner for m in memories]))
 
 
 def _history(
-    operators: Operators,
-    circle: Circle,
-    transfer: Transfer,
-    drive: np.ndarray,
-    start: State,
-    release: np.ndarray,
-    motions: np.ndarray | None,
-    every: int,
+    operators: Operators, circle: Circle, answers: np.ndarray, amplitudes: np.ndarray, rest: np.ndarray, contact: _Contact, every: int
 ) -> History:
-    here = np.real(start.displacement.array_r)
-    observed = [operators.probes, operators.contacts.elongation]
-    parts = [transfer.probes, transfer.elongation]
-    if operators.reactions is not None:
-        observed.append(operators.reactions.functionals)
-        parts.append(transfer.resultants)
-    whole = [
-        functionals.total(functionals.partial(here)) + circle.inverse(np.einsum("foj,fj->fo", part, drive))
-        for functionals, part in zip(observed, parts, strict=True)
-    ]
-    felt = second_differences(whole[0], circle.step)[::every]
-    values = [part[::every] for part in whole]
-    archived = release[::every]
-    probes, elongation = values[:2]
-    standing, gap = archived, None
-    if motions is not None:
-        nodes = FreeNodes(operators.contacts.law, circle.step)
-        standing, gap = nodes.on_ground(archived, motions[:, ::every]), nodes.gap(motions[:, ::every])
-    reactions = operators.reactions.values(values[2], standing) if operators.reactions is not None else np.zeros((len(archived), 0))
-    peak = int(np.argmax(np.max(np.abs(probes), axis=1))) if probes.size else 0
+    """Return the archived outputs; `rest` (n_local,) m is the state of rest. Many parameters because it only puts them together."""
+    layout = operators.outputs
+    linear = layout.total(layout.partial(rest)) + circle.inverse(np.einsum("foj,fj->fo", answers, amplitudes))
+    accelerations = second_differences(linear[:, layout.layout["probes"]], circle.step)[::every]
+    release, inner = contact.release[::every], contact.inner[::every]
+    force, gap = (release, None) if contact.law is None else (contact.law.support_force(release, inner), contact.law.openings(inner))
+    outputs = layout.values(linear[::every], force)
+    peak = int(np.argmax(farthest(outputs[:, layout.layout["probes"]], operators.probes.moving)))
     times = circle.step * np.arange(0, circle.steps + 1, every)
-    return History(times, probes, elongation, archived, reactions, peak, accelerations=felt, gap=gap)
+    return History(times, outputs, layout, release, peak, accelerations=accelerations, gap=gap)
 
 
 def _weights(circle: Circle, n: int) -> np.ndarray:

@@ -9,16 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
-from scipy import sparse
 
-from uplift.forms.operators import Functionals, Operators
+from uplift.forms.operators import Operators
+from uplift.solvers.frequency_domain.dense_sweep import dense_sweep
 from uplift.solvers.frequency_domain.groups import Layout, System, choose_groups, group_system, split, to_ranks
+from uplift.solvers.frequency_domain.transfer import Transfer
 from uplift.solvers.linear import SAME_PATTERN, DirectSolver
 from uplift.solvers.memory import FIELD_BYTES, available_bytes, group_bytes, ranks_here, size_of
 from uplift.solvers.watch import Loop, Watch
@@ -26,41 +26,6 @@ from uplift.solvers.watch import Loop, Watch
 TRANSIT_BYTES = 2**26
 """Fields that a group collects before it deals them out to all ranks."""
 
-
-
-@dataclass(frozen=True)
-class FieldResponse:
-    """Whole fields at each point, their columns summed once for all instants."""
-
-    spectrum: np.ndarray
-    """(n_points, n_local), or coordinates (n_points, m) of a basis."""
-    basis: np.ndarray | None = None
-    """(n_local, m)."""
-
-    def at(self, weights: np.ndarray) -> np.ndarray:
-        """Return this rank's part (n_local,) of the real part of the sum over all points times `weights` (n_points,)."""
-        values: np.ndarray = np.real(weights @ self.spectrum)
-        return values if self.basis is None else self.basis @ values
-
-
-@dataclass(frozen=True)
-class Transfer:
-    """Answers to unit loads and unit release forces at each point; columns: loads, then channels of the contacts."""
-
-    probes: np.ndarray
-    """(n_points, n_probes, n_columns) m."""
-    elongation: np.ndarray
-    """(n_points, n_channels, n_columns) m."""
-    resultants: np.ndarray
-    """(n_points, 3 or 0, n_columns): the linear parts of the reactions."""
-    fields: np.ndarray | None
-    """(n_points, n_columns, n_local) m: this rank's part of the solutions, where memory allows."""
-    factor_seconds: float
-    solve_seconds: float
-
-    def response(self, drive: np.ndarray) -> FieldResponse | None:
-        """Return the fields that answer to amplitudes (n_points, n_columns) of the columns; None where no fields were kept."""
-        return None if self.fields is None else FieldResponse(np.einsum("fj,fjn->fn", drive, self.fields))
 
 
 def sweep(
@@ -79,23 +44,24 @@ def sweep(
     `first` in 1/s and `second` in 1/s2 are complex, (n_points,); `more` are further load vectors. Needs complex PETSc. One matrix
     is refilled on one pattern, and every solution is checked by its residual. The ranks form `groups` groups (None: as many as
     memory allows), whose number changes the answers by round-off only. `watch` shows the progress and keeps the points that are done.
+    A model in a basis is solved by small dense algebra, whatever the build of PETSc, without checkpoints. Many parameters because all
+    but the first three and the names may be left out.
     """
+    if operators.reduction is not None:
+        return dense_sweep(operators, first, second, more=more, what=what)
     if not np.issubdtype(PETSc.ScalarType, np.complexfloating):
         raise RuntimeError(f"the {what} needs complex PETSc, and this process has the real one")
     comm = operators.comm
     columns = _columns(operators, more)
-    observed: list[Functionals] = [operators.probes, operators.contacts.elongation]
-    if operators.reactions is not None:
-        observed.append(operators.reactions.functionals)
-    looks = sparse.vstack([functionals.local for functionals in observed], format="csr")
-    results = _Results(operators, len(first), columns.shape[1], looks.shape[0])
+    rows = operators.outputs.local
+    results = _Results(operators, len(first), columns.shape[1])
     kept = _KeptPoints(watch, prefix.rstrip("_"), results)
     left = np.flatnonzero(~results.done)
     if groups is None:
         need = group_bytes(size_of(operators.stiffness), columns.shape[1])
         groups = choose_groups(comm, len(first), need, comm.allreduce(available_bytes() / ranks_here(comm), op=MPI.MIN))
     seconds = np.zeros(2)
-    with split(comm, groups) as layout, group_system(operators, columns, looks, layout) as system:
+    with split(comm, groups) as layout, group_system(operators, columns, rows, layout) as system:
         mine, before = left[layout.group :: groups], len(first) - len(left)
         rounds, done = -(-len(left) // groups), 0
         most = max(1, TRANSIT_BYTES // (16 * columns.shape[1] * operators.n)) if results.fields is not None else rounds
@@ -114,7 +80,7 @@ def sweep(
             if solver is not None:
                 seconds[:] = solver.times
     comm.Allreduce(MPI.IN_PLACE, seconds, op=MPI.MAX)
-    return results.transfer(observed, *seconds)
+    return results.transfer(*seconds)
 
 
 def _columns(operators: Operators, more: tuple[Any, ...]) -> np.ndarray:
@@ -129,21 +95,20 @@ def _columns(operators: Operators, more: tuple[Any, ...]) -> np.ndarray:
 
 
 class _Results:
-    """What is known of each point, on every rank of the world."""
+    """Results of a sweep by point, replicated on every rank."""
 
-    def __init__(self, operators: Operators, n_points: int, n_columns: int, n_looks: int) -> None:
+    def __init__(self, operators: Operators, n_points: int, n_columns: int) -> None:
         self.operators = operators
         self.done = np.zeros(n_points, dtype=bool)
-        self.seen = np.zeros((n_points, n_columns, n_looks), dtype=complex)
+        self.observed = np.zeros((n_points, n_columns, operators.outputs.local.shape[0]), dtype=complex)
         fits = 16 * n_points * n_columns * operators.n_local <= FIELD_BYTES
         keep = operators.comm.allreduce(int(fits), op=MPI.MIN) == 1
         self.fields = np.zeros((n_points, n_columns, operators.n_local), dtype=complex) if keep else None
 
-    def transfer(self, observed: list[Functionals], factor_seconds: float, solve_seconds: float) -> Transfer:
+    def transfer(self, factor_seconds: float, solve_seconds: float) -> Transfer:
         """Return the transfer functions, all points being done."""
-        ends = np.cumsum([len(functionals.names) for functionals in observed])
-        parts = np.split(self.seen.transpose(0, 2, 1), ends[:2], axis=1)
-        return Transfer(parts[0], parts[1], parts[2], self.fields, float(factor_seconds), float(solve_seconds))
+        answers = self.observed.transpose(0, 2, 1)
+        return Transfer(answers, self.operators.outputs, self.fields, float(factor_seconds), float(solve_seconds))
 
 
 class _PointSolver:
@@ -215,22 +180,22 @@ def _solve_batch(
     results: _Results, layout: Layout, system: System, solver: _PointSolver | None, mine: np.ndarray, all_points: np.ndarray
 ) -> None:
     """Solve the points `mine` of this group and bring the answers to `all_points` of all groups to all ranks (collective)."""
-    comm, n_columns = layout.world, results.seen.shape[1]
-    seen = np.zeros((len(all_points), *results.seen.shape[1:]), dtype=complex)
+    comm, n_columns = layout.world, results.observed.shape[1]
+    observed = np.zeros((len(all_points), *results.observed.shape[1:]), dtype=complex)
     answers = []
     for k, point in enumerate(mine):
         if solver is None:
             break
         solution = solver.solve(int(point))
-        seen[k * layout.groups + layout.group] = (system.looks @ solution).T
+        observed[k * layout.groups + layout.group] = (system.rows @ solution).T
         if results.fields is not None:
             answers.append(solution.copy())
     # Within a group the sum is taken in the order of the ranks, so that its last bit depends on nothing else.
-    parts = layout.comm.gather(seen) if layout.comm.size > 1 else [seen]
-    seen = np.sum(parts, axis=0) if parts is not None else np.zeros_like(seen)
+    parts = layout.comm.gather(observed) if layout.comm.size > 1 else [observed]
+    observed = np.sum(parts, axis=0) if parts is not None else np.zeros_like(observed)
     if comm.size > 1:
-        comm.Allreduce(MPI.IN_PLACE, seen)
-    results.seen[all_points] = seen
+        comm.Allreduce(MPI.IN_PLACE, observed)
+    results.observed[all_points] = observed
     if results.fields is not None:
         rows = comm.allgather(results.operators.n_local)
         for group, fields in to_ranks(answers, layout, rows, n_columns).items():
@@ -258,22 +223,22 @@ class _KeptPoints:
         results, checkpoint = self._results, self._checkpoint
         assert checkpoint is not None
         comm = results.operators.comm
-        points, seen, has_fields = comm.bcast((part["points"], part["seen"], "fields" in part) if comm.rank == 0 else None)
-        results.seen[points] = seen
+        points, observed, has_fields = comm.bcast((part["points"], part["observed"], "fields" in part) if comm.rank == 0 else None)
+        results.observed[points] = observed
         results.done[points] = True
         if not has_fields:
             results.fields = None
         if results.fields is not None:
             for i, point in enumerate(points):
                 whole = part["fields"][i] if comm.rank == 0 else None
-                results.fields[point] = checkpoint.rows.scatter(whole, (results.seen.shape[1],), complex).T
+                results.fields[point] = checkpoint.rows.scatter(whole, (results.observed.shape[1],), complex).T
 
     def save(self) -> None:
         """Write the points that are done and not yet written (collective)."""
         results, checkpoint = self._results, self._checkpoint
         assert checkpoint is not None
         points = np.flatnonzero(results.done & ~self._saved)
-        arrays = {"points": points, "seen": results.seen[points]}
+        arrays = {"points": points, "observed": results.observed[points]}
         if results.fields is not None:
             whole = [checkpoint.rows.gather(results.fields[point].T) for point in points]
             if results.operators.comm.rank == 0:

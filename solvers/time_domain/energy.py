@@ -5,84 +5,123 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from mpi4py import MPI
 
 from uplift.forms.operators import Operators
 from uplift.solvers.history import Ledger
+from uplift.solvers.time_domain.kept import Kept
+from uplift.solvers.time_domain.state import Drive, Instants
 
 
-class EnergyMeter:
+class EnergyLedger:
     """Adds up work and dissipation step by step.
 
     Between two instants a load does the work of its mean times the displacement's change, and damping takes the mean velocity's
-    power: with the average-acceleration rule the books then balance to round-off while no contact opens or closes. An open contact
+    power: with the average-acceleration rule the ledger then balances to round-off while no contact opens or closes. An open contact
     stores nothing; a closed one half its net force squared times its flexibility.
     """
 
-    def __init__(self, operators: Operators) -> None:
-        """Begin with an empty ledger."""
-        self._operators = operators
-        self._work_vector = operators.new_vector()
-        self._damped_vector = operators.new_vector() if operators.damping is not None else None
+    def __init__(self, operators: Operators, drive: Drive, step: float, every: int) -> None:
+        """Begin with an empty ledger of a march with steps of `step` s, whose every `every`-th is archived."""
+        self._operators, self._drive, self._step, self._every = operators, drive, step, every
+        self._mass, self._stiffness = _Product(operators.mass), _Product(operators.stiffness)
+        self._damping = _Product(operators.damping) if operators.damping is not None else None
         self._external = [i for i, load in enumerate(operators.loads) if not load.internal]
-        self._rows: list[tuple[float, float, float, float, float]] = []
-        self._reached: np.ndarray | None = None
-        self._values = np.zeros(0)
-        self._power = 0.0
-        self.work = 0.0
-        self.damped = 0.0
+        vectors = [np.real(operators.loads[i].vector.array_r) for i in self._external]
+        self._vectors = np.array(vectors).reshape(len(vectors), operators.n_local)
+        self._rows = np.zeros((len(drive.values[::every]), 5))
+        self._sums = np.zeros(2)
+        """Work of the loads and energy damped so far, J."""
+        self._last: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray] | None = None
+        """Of the last instant: displacement along the loads and load values (1, n_external), velocity and damping force (1, n_local)."""
 
-    def add(self, displacement: Any, velocity: Any, values: np.ndarray, release: np.ndarray, *, step: float, archive: bool) -> None:
-        """Add the next instant, `step` s after the one before (collective); `values` (n_loads,) are the load histories there."""
+    def observe(self, instants: Instants) -> None:
+        """Take in some instants (collective)."""
+        numbers = instants.first + np.arange(len(instants.displacement))
+        along = self._sum(instants.displacement @ self._vectors.T)
+        loads = self._drive.values[numbers][:, self._external]
+        velocity = instants.velocity
+        damping = self._damping(velocity) if self._damping is not None else np.zeros((len(numbers), 0))
+        last = self._last
+        if last is not None:
+            along, loads = np.concatenate([last[0], along]), np.concatenate([last[1], loads])
+            work = 0.5 * np.sum((loads[1:] + loads[:-1]) * np.diff(along, axis=0), axis=1)
+            damped = np.zeros(len(numbers))
+            if self._damping is not None:
+                v, c = np.concatenate([last[2], velocity]), np.concatenate([last[3], damping])
+                power, cross = self._sum(np.stack([np.einsum("kn,kn->k", v, c), np.einsum("kn,kn->k", v, np.roll(c, 1, axis=0))]))
+                damped = 0.25 * self._step * (power[1:] + 2 * cross[1:] + power[:-1])
+            sums = self._sums + np.cumsum(np.stack([work, damped], axis=1), axis=0)
+        else:
+            sums = np.repeat(self._sums[None], len(numbers), axis=0)
+        self._sums = sums[-1]
+        self._last = along[-1:].copy(), loads[-1:].copy(), velocity[-1:].copy(), damping[-1:].copy()
+        which, rows = instants.archived(self._every)
+        if len(which):
+            self._rows[rows, :3] = self._stored(instants, which)
+            self._rows[rows, 3:] = sums[which, ::-1]
+
+    def _stored(self, instants: Instants, which: np.ndarray) -> np.ndarray:
+        """Return kinetic energy, strain energy and that of springs (k, 3) J at some of the instants (collective)."""
         operators = self._operators
-        reached = np.array([np.real(operators.loads[i].vector.dot(displacement)) for i in self._external])
-        external = values[self._external]
-        cross, power = 0.0, 0.0
-        if self._damped_vector is not None and operators.damping is not None:
-            if self._reached is not None:
-                cross = float(np.real(self._damped_vector.dot(velocity)))
-            operators.damping.mult(velocity, self._damped_vector)
-            power = float(np.real(self._damped_vector.dot(velocity)))
-        if self._reached is not None:
-            self.work += float(0.5 * (external + self._values) @ (reached - self._reached))
-            self.damped += 0.25 * step * (power + 2 * cross + self._power)
-        self._reached, self._values, self._power = reached, external, power
-        if archive:
-            self._rows.append((*self._stored(displacement, velocity, release), self.damped, self.work))
-
-    def books(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the rows of the archived instants (n, 5) J, and damped energy and work (2,) J so far: all that `restore` needs."""
-        return np.array(self._rows).reshape(-1, 5), np.array([self.damped, self.work])
-
-    def restore(self, rows: np.ndarray, sums: np.ndarray) -> None:
-        """Return to the books of an earlier instant; `resume` then takes its state."""
-        self._rows = [tuple(row) for row in rows.tolist()]
-        self.damped, self.work = (float(v) for v in sums)
-
-    def resume(self, displacement: Any, velocity: Any, values: np.ndarray) -> None:
-        """Take the state that the restored books end with (collective)."""
-        self._reached = None
-        self.add(displacement, velocity, values, np.zeros(0), step=0.0, archive=False)
-
-    def _stored(self, displacement: Any, velocity: Any, release: np.ndarray) -> tuple[float, float, float]:
-        operators, work = self._operators, self._work_vector
-        operators.mass.mult(velocity, work)
-        kinetic = 0.5 * float(np.real(work.dot(velocity)))
-        operators.stiffness.mult(displacement, work)
-        whole = 0.5 * float(np.real(work.dot(displacement)))
-        here = np.real(displacement.array_r)
-        bonded, unilateral = (
-            0.5 * float(operators.comm.allreduce(here @ (part @ here)))
-            for part in (operators.bonded_springs, operators.unilateral_springs)
-        )
+        u, v = instants.displacement[which], instants.velocity[which]
+        springs = [(part @ u.T).T for part in (operators.bonded_springs, operators.unilateral_springs)]
+        whole = [(v, self._mass(v)), (u, self._stiffness(u)), *((u, force) for force in springs)]
+        kinetic, strain, bonded, unilateral = self._sum(0.5 * np.stack([np.einsum("kn,kn->k", a, b) for a, b in whole]))
         law, elongation = operators.contacts.law, operators.contacts.elongation
-        net = law.tension(elongation.total(elongation.partial(here))) - release
-        contacts = 0.5 * float(net**2 @ law.flexibility)
-        return kinetic, whole - bonded - unilateral, bonded + contacts
+        tension = law.tension(elongation.total(np.ascontiguousarray(elongation.partial(u.T).T)))
+        contacts = 0.5 * (tension - instants.release[which]) ** 2 @ law.flexibility
+        return np.stack([kinetic, strain - bonded - unilateral, bonded + contacts], axis=1)
+
+    def _sum(self, share: np.ndarray) -> np.ndarray:
+        comm = self._operators.comm
+        if comm.size > 1:
+            share = np.ascontiguousarray(share)
+            comm.Allreduce(MPI.IN_PLACE, share)
+        return share
 
     def ledger(self) -> Ledger:
         """Return the ledger of the archived instants and free the work vectors."""
-        for vector in (self._work_vector, self._damped_vector):
-            if vector is not None:
-                vector.destroy()
-        kinetic, strain, springs, damped, work = np.array(self._rows).reshape(-1, 5).T
-        return Ledger(kinetic, strain, springs, damped, work)
+        for product in (self._mass, self._stiffness, self._damping):
+            if product is not None:
+                product.close()
+        return Ledger(*self._rows.T)
+
+    def kept(self) -> Kept:
+        """Return what a checkpoint has to keep."""
+        assert self._last is not None
+        along, loads, velocity, damping = self._last
+        same = {"rows": self._rows, "sums": self._sums, "along": along, "loads": loads}
+        moving = {"velocity": velocity.T, "damping": damping.T}
+        return Kept(same, fields=moving) if self._operators.reduction is None else Kept(same | moving)
+
+    def restore(self, kept: Kept) -> None:
+        """Take in again what `kept` gave."""
+        self._rows[:], self._sums = kept.same["rows"], kept.same["sums"]
+        moving = {**kept.same, **kept.fields}
+        self._last = kept.same["along"], kept.same["loads"], moving["velocity"].T, moving["damping"].T
+
+
+class _Product:
+    """Products of a real symmetric matrix with rows of numbers."""
+
+    def __init__(self, matrix: Any) -> None:
+        self._matrix = matrix
+        self._dense = np.real(matrix.getDenseArray()).copy() if matrix.getType() == "seqdense" else None
+        self._vectors: list[Any] = [] if self._dense is not None else list(matrix.createVecs())
+
+    def __call__(self, rows: np.ndarray) -> np.ndarray:
+        """Return the products (k, n_local) with `rows` (k, n_local) (collective)."""
+        if self._dense is not None:
+            return rows @ self._dense
+        right, left = self._vectors
+        products = np.empty_like(rows)
+        for row, product in zip(rows, products, strict=True):
+            right.array[:] = row
+            self._matrix.mult(right, left)
+            product[:] = np.real(left.array_r)
+        return products
+
+    def close(self) -> None:
+        for vector in self._vectors:
+            vector.destroy()

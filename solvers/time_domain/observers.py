@@ -1,23 +1,36 @@
-"""What a march in time archives."""
+"""What looks at a march: the archive of its outputs, and watchers of the displacements."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
-from scipy import sparse
 
 from uplift.forms.operators import Operators
-from uplift.solvers.contact.auxiliary_nodes import FreeNodes
-from uplift.solvers.history import History
-from uplift.solvers.time_domain.energy import EnergyMeter
-
-if TYPE_CHECKING:
-    from uplift.solvers.time_domain.state import State
+from uplift.solvers.contact.memory import ContactStep
+from uplift.solvers.history import History, Ledger, farthest
+from uplift.solvers.time_domain.kept import Kept
+from uplift.solvers.time_domain.state import Instants
 
 
 class Observer(Protocol):
-    """Looks at the displacements at the archived instants."""
+    """Looks at the instants of a march, in their order and each once."""
+
+    def observe(self, instants: Instants) -> None:
+        """Take in some instants (collective)."""
+
+    def kept(self) -> Kept:
+        """Return what a checkpoint has to keep."""
+
+    def restore(self, kept: Kept) -> None:
+        """Take in again what `kept` gave."""
+
+
+class FieldWatcher(Protocol):
+    """Looks at the displacements of the model, in all its dofs, at archived instants."""
+
+    def wants(self, row: int) -> bool:
+        """Return whether the archived instant `row` matters."""
 
     def watch(self, row: int, values: np.ndarray) -> None:
         """Take this rank's part (n_local,) of the displacements at the archived instant `row`."""
@@ -29,64 +42,92 @@ class Observer(Protocol):
         """Take in again what `kept` gave."""
 
 
-class Record:
-    """What a march archives."""
+class FieldObserver:
+    """Shows the archived displacements to a watcher; in a basis they are made for the instants that it wants."""
 
-    def __init__(
-        self,
-        operators: Operators,
-        n_archived: int,
-        meter: EnergyMeter | None,
-        observer: Observer | None,
-        nodes: FreeNodes | None = None,
-    ) -> None:
-        """Make room for `n_archived` instants; `nodes` are those of auxiliary nodes with masses that count."""
-        self.meter = meter
-        self.observer = observer
-        self._operators = operators
-        self._observed = [operators.probes, operators.contacts.elongation]
-        if operators.reactions is not None:
-            self._observed.append(operators.reactions.functionals)
-        self._looks = sparse.vstack([functionals.local for functionals in self._observed], format="csr")
-        self._n_probes = len(operators.probes.names)
-        self.seen = np.zeros((n_archived, self._looks.shape[0]))
-        """This rank's shares of all functionals."""
-        self.felt = np.zeros((n_archived, self._n_probes))
-        """This rank's shares of the probes' accelerations."""
-        self.acted = np.zeros((n_archived, operators.contacts.law.n_channels))
-        self._nodes = nodes
-        self.moved = np.zeros((4, n_archived if nodes is not None else 0, operators.contacts.law.n_contacts))
-        """Motions of auxiliary nodes with masses that count, see `uplift.solvers.contact.auxiliary_nodes`."""
-        self.farthest, self.peak = -1.0, 0
-        self.peak_field = np.zeros(operators.n_local)
+    def __init__(self, operators: Operators, every: int, watcher: FieldWatcher) -> None:
+        """Take the model of the march, of which every `every`-th step is archived."""
+        self._operators, self._every, self._watcher = operators, every, watcher
 
-    def add(self, state: State, values: np.ndarray, *, row: int | None, step: float = 0.0) -> None:
-        """Take a state `step` s after the one before, archived in `row` unless that is None (collective)."""
-        if self.meter is not None:
-            self.meter.add(state.displacement, state.velocity, values, state.release, step=step, archive=row is not None)
-        if row is None:
+    def observe(self, instants: Instants) -> None:
+        """Show the wanted ones of some instants."""
+        for which, row in zip(*instants.archived(self._every), strict=True):
+            if self._watcher.wants(int(row)):
+                self._watcher.watch(int(row), self._operators.reconstruct(instants.displacement[which]))
+
+    def kept(self) -> Kept:
+        """Return what a checkpoint has to keep."""
+        shares, fields = self._watcher.kept()
+        return Kept(shares={"watched": shares}, fields={"watched": fields})
+
+    def restore(self, kept: Kept) -> None:
+        """Take in again what `kept` gave."""
+        self._watcher.restore(kept.shares["watched"], kept.fields["watched"])
+
+
+class Archive:
+    """The outputs at every `every`-th step."""
+
+    def __init__(self, operators: Operators, steps: int, every: int, contacts: ContactStep | None) -> None:
+        """Make room for a march of `steps` steps; `contacts` is the law that it follows, None where they stay bonded."""
+        self._operators, self._every, self._contacts = operators, every, contacts
+        n, n_inner = steps // every + 1, contacts.n_inner if contacts is not None else 0
+        outputs = operators.outputs
+        # In a basis nothing is sparse.
+        self._rows = outputs.local if operators.reduction is None else outputs.local.toarray()
+        self._probes = outputs.layout["probes"]
+        self._observed = np.zeros((n, self._rows.shape[0]))
+        """This rank's shares of the linear parts of the outputs."""
+        self._accelerations = np.zeros((n, len(operators.probes.names)))
+        """This rank's shares."""
+        self._release = np.zeros((n, operators.contacts.law.n_channels))
+        self._inner = np.zeros((n, n_inner))
+        self._farthest, self._peak = -1.0, 0
+        self._peak_values = np.zeros(operators.n_local)
+
+    def observe(self, instants: Instants) -> None:
+        """Archive the due ones of some instants (collective)."""
+        which, rows = instants.archived(self._every)
+        if not len(which):
             return
-        here = np.real(state.displacement.array_r)
-        self.seen[row] = self._looks @ here
-        self.felt[row] = self._operators.probes.partial(np.real(state.acceleration.array_r))
-        self.acted[row] = state.release
-        if self._nodes is not None:
-            self.moved[:, row] = self._nodes.still(state.release) if state.nodes is None else state.nodes
-        if self.observer is not None:
-            self.observer.watch(row, here)
-        reach = np.max(np.abs(self._operators.probes.total(self.seen[row, : self._n_probes])), initial=0.0)
-        if reach > self.farthest:
-            self.farthest, self.peak = float(reach), row
-            self.peak_field[:] = here
+        self._observed[rows] = (self._rows @ instants.displacement[which].T).T
+        self._accelerations[rows] = (self._rows[self._probes] @ instants.acceleration[which].T).T
+        self._release[rows] = instants.release[which]
+        if self._inner.shape[1]:
+            self._inner[rows] = instants.inner[which]
+        probes = self._operators.outputs.total(self._observed[rows, self._probes])
+        reach = farthest(probes, self._operators.probes.moving)
+        best = int(np.argmax(reach))
+        if reach[best] > self._farthest:
+            self._farthest, self._peak = float(reach[best]), int(rows[best])
+            self._peak_values[:] = instants.displacement[which[best]]
 
-    def history(self, archived: np.ndarray) -> History:
-        """Return what was archived at these instants (collective)."""
-        reactions = self._operators.reactions
-        ends = np.cumsum([len(functionals.names) for functionals in self._observed])
-        probes, elongation, *resultants = np.split(self._operators.probes.total(self.seen), ends[:-1], axis=1)
-        nodes = self._nodes
-        standing, gap = (self.acted, None) if nodes is None else (nodes.on_ground(self.acted, self.moved), nodes.gap(self.moved))
-        forces = reactions.values(resultants[0], standing) if reactions is not None else np.zeros((len(archived), 0))
-        ledger = self.meter.ledger() if self.meter is not None else None
-        felt = self._operators.probes.total(self.felt)
-        return History(archived, probes, elongation, self.acted, forces, self.peak, self.peak_field, ledger, felt, gap)
+    def history(self, times: np.ndarray, ledger: Ledger | None) -> History:
+        """Return what was archived, at the instants `times` (nt,) s (collective)."""
+        outputs, contacts = self._operators.outputs, self._contacts
+        force = contacts.support_force(self._release, self._inner) if contacts is not None else self._release
+        return History(
+            times=times,
+            outputs=outputs.values(outputs.total(self._observed), force),
+            layout=outputs,
+            release=self._release,
+            peak=self._peak,
+            peak_field=self._operators.reconstruct(self._peak_values),
+            ledger=ledger,
+            accelerations=outputs.total(self._accelerations),
+            gap=contacts.openings(self._inner) if contacts is not None else None,
+        )
+
+    def kept(self) -> Kept:
+        """Return what a checkpoint has to keep."""
+        same = {"release": self._release, "inner": self._inner, "peak": np.array([self._farthest, self._peak])}
+        kept = Kept(same, {"observed": self._observed, "accelerations": self._accelerations})
+        (kept.fields if self._operators.reduction is None else kept.same)["peak values"] = self._peak_values
+        return kept
+
+    def restore(self, kept: Kept) -> None:
+        """Take in again what `kept` gave."""
+        self._release[:], self._inner[:] = kept.same["release"], kept.same["inner"]
+        self._farthest, self._peak = float(kept.same["peak"][0]), int(kept.same["peak"][1])
+        self._observed[:], self._accelerations[:] = kept.shares["observed"], kept.shares["accelerations"]
+        self._peak_values[:] = {**kept.same, **kept.fields}["peak values"]

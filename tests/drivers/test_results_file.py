@@ -212,10 +212,10 @@ def test_film_shows_what_the_probes_record(assembly, passes):
     if assembly.operators.comm.rank != 0:
         assert snapshot_data is None
         return
-    corner = int(np.argmin(np.linalg.norm(snapshot_data.mesh.points - [4, 8, 0], axis=1)))
+    corner = int(np.argmin(np.linalg.norm(snapshot_data.points - [4, 8, 0], axis=1)))
     probes = analysis.final.probes
     assert len(snapshot_data.rows) == 200 and snapshot_data.watched == len(probes)
-    assert np.max(np.abs(snapshot_data.displacement[:, corner, :2] - probes[snapshot_data.rows])) < 1e-7 * np.max(np.abs(probes))
+    assert np.max(np.abs(snapshot_data.snapshots[:, corner, :2] - probes[snapshot_data.rows])) < 1e-7 * np.max(np.abs(probes))
     assert snapshot_data.envelope[0, corner, :2] == pytest.approx(probes.min(axis=0), rel=1e-12)
     assert snapshot_data.peak[0, corner, :2] == pytest.approx(probes[analysis.final.peak], rel=1e-12)
 
@@ -233,4 +233,4 @@ def test_a_large_model_has_fewer_frames_or_none(assembly, monkeypatch):
     assert len(snapshots.rows) == 0
     snapshots.watch(0, np.ones(assembly.operators.n_local))
     snapshot_data = snapshots.develop(None)
-    assert snapshot_data.displacement.shape == (0, 45, 3) and len(snapshot_data.envelope) == 2
+    assert snapshot_data.snapshots.shape == (0, 45, 3) and len(snapshot_data.envelope) == 2

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.small import history_of
 from uplift.drivers.analysis.analyse import analyse
 from uplift.drivers.analysis.assembled_scene import prepare
 from uplift.drivers.evidence.survey import runs as survey_runs
@@ -22,7 +23,6 @@ from uplift.drivers.scene.vary import varied
 from uplift.forms.loads.signals import Ricker
 from uplift.meshes.checked import ModelError
 from uplift.solvers.contact.published_passes import Passes
-from uplift.solvers.history import History
 
 pytestmark = pytest.mark.serial
 
@@ -163,7 +163,7 @@ def test_high_part_and_order():
 def test_disagreement_fails_the_survey(tmp_path, monkeypatch, comm, capsys, difference, agree):
     """Of a case that is claimed; another may differ."""
     times = np.linspace(0.0, 5.0, 11)
-    history = History(times, np.stack([np.sin(times), np.cos(times)], axis=1), np.zeros((11, 5)), np.zeros((11, 5)), np.zeros((11, 0)))
+    history = history_of(times, np.stack([np.sin(times), np.cos(times)], axis=1), np.zeros((11, 5)), np.zeros((11, 5)))
     passes = Passes([history], number=1, pull=[0.0], ended="converged")
 
     def outcome(scene, comm, case):

@@ -26,7 +26,7 @@ def static(comm, **sections):
     with prepare(scene(**sections), comm) as assembly:
         history = analyse(assembly, Request("static")).final
         operators = assembly.operators
-        return dict(zip(operators.probes.names, history.probes[0], strict=True)), history, operators.reactions.functionals.names
+        return dict(zip(operators.probes.names, history.probes[0], strict=True)), history, operators.reactions.names
 
 
 BENDING = 2e11 * 0.1**3 / 12

@@ -6,15 +6,15 @@ import h5py
 import numpy as np
 import pytest
 
+from tests.small import marched
 from uplift.drivers.analysis.assembled_scene import prepare
 from uplift.forms.parameters import GroundMotion
 from uplift.meshes.checked import ModelError
 from uplift.solvers.bases.krylov import krylov_basis
 from uplift.solvers.bases.project import project
-from uplift.solvers.bases.reduced_march import march as reduced_march
-from uplift.solvers.bases.reduced_march import static_state as reduced_static_state
 from uplift.solvers.bases.settings import KrylovSettings
 from uplift.solvers.basis_file import read_basis, write_basis
+from uplift.solvers.time_domain.initial import static_state
 from uplift.solvers.time_domain.scheme import Scheme
 
 SETTINGS = KrylovSettings(tolerance=1e-3)
@@ -57,8 +57,8 @@ def test_another_gap_or_preload_uses_the_same_basis(sdls119a, comm, stored, chan
     with prepare(with_support(sdls119a, **change), comm) as assembly:
         for basis in (read_basis(stored[0], assembly.operators)[0], krylov_basis(assembly.operators, KrylovSettings(tolerance=1e-6))):
             model = project(assembly.operators, basis)
-            start = reduced_static_state(model, exact_uplift=True)
-            reached.append(reduced_march(model, Scheme(), 0.01, 300, start=start, exact_uplift=True).history(model).probes)
+            start = static_state(model, exact_uplift=True)
+            reached.append(marched(model, Scheme(), 0.01, 300, start, exact_uplift=True).probes)
     assert np.max(np.abs(reached[0] - reached[1])) < 1e-4 * np.max(np.abs(reached[1]))
 
 

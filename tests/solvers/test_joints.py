@@ -7,7 +7,7 @@ import pytest
 from mpi4py import MPI
 from scipy import sparse
 
-from tests.small import dense_operators
+from tests.small import dense_operators, marched
 from uplift.drivers.analysis.analyse import analyse
 from uplift.drivers.analysis.assembled_scene import prepare
 from uplift.drivers.scene.request import Request
@@ -17,9 +17,7 @@ from uplift.forms.loads.signals import Constant
 from uplift.forms.operators import Contacts, Functionals
 from uplift.solvers.bases.basis import Basis
 from uplift.solvers.bases.project import project
-from uplift.solvers.bases.reduced_march import march as reduced_march
-from uplift.solvers.bases.reduced_march import static_state as reduced_static_state
-from uplift.solvers.contact.auxiliary_nodes import FreeNodes
+from uplift.solvers.contact.auxiliary_nodes import AuxiliaryNodes
 from uplift.solvers.time_domain.initial import static_state
 from uplift.solvers.time_domain.march import transient
 from uplift.solvers.time_domain.newmark import Newmark
@@ -96,7 +94,7 @@ def test_either_side_of_the_threshold_is_the_same_answer(monkeypatch):
     step = 1e-3
     node = 0.9 * 1e-3 * step**2 * SUPPORT / 2
     left_out, _ = thrown(step, generalised_alpha(0.0), node=node)
-    monkeypatch.setattr("uplift.solvers.contact.auxiliary_nodes.FELT", 0.0)
+    monkeypatch.setattr("uplift.solvers.contact.auxiliary_nodes.COUNTING_MASS", 0.0)
     taken, _ = thrown(step, generalised_alpha(0.0), node=node)
     assert left_out.gap is None and taken.gap is not None
     assert taken.probes[:, 0] == pytest.approx(left_out.probes[:, 0], abs=1e-6)
@@ -108,9 +106,9 @@ def test_the_basis_that_spans_all_gives_the_same():
     stepped, law = thrown(step, scheme)
     with operators() as model:
         small = project(model, Basis(np.eye(2), MPI.COMM_SELF))
-        still = reduced_static_state(small)
-        start = dataclasses.replace(still, velocity=np.array([UP, 0.0]))
-        history = reduced_march(small, scheme, step, 400, start=start, exact_uplift=True).history(small)
+        start = static_state(small)
+        start.velocity.array[:] = UP, 0.0
+        history = marched(small, scheme, step, 400, start, exact_uplift=True)
     assert history.probes[:, 0] == pytest.approx(stepped.probes[:, 0], abs=1e-9)
     assert history.openings(law)[:, 0] == pytest.approx(stepped.openings(law)[:, 0], abs=1e-9)
 
@@ -134,5 +132,5 @@ def test_sweep_and_stepping_agree_on_heavy_joints(sdls119a, comm):
 @pytest.mark.both
 def test_where_a_mass_counts():
     law = UpliftLaw(np.full(3, 1e15), np.full(3, 1e-8 + 1e-15), mass=np.array([0.0, 0.1, 10.0]))
-    assert FreeNodes(law, 0.005).felt.tolist() == [False, False, True]
-    assert FreeNodes(law, 0.0005).felt.tolist() == [False, True, True]
+    assert AuxiliaryNodes(law, 0.005).inertia_matters.tolist() == [False, False, True]
+    assert AuxiliaryNodes(law, 0.0005).inertia_matters.tolist() == [False, True, True]

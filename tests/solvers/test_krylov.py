@@ -6,18 +6,15 @@ import numpy as np
 import pytest
 
 from tests import oscillator
-from tests.small import dense_operators, to_dense
+from tests.small import dense_operators, marched, to_dense
 from uplift.drivers.analysis.assembled_scene import prepare
 from uplift.drivers.evidence.scaling.cost import refined
 from uplift.forms.contact.supports import Spring
 from uplift.meshes.checked import ModelError
 from uplift.solvers.bases.krylov import krylov_basis
 from uplift.solvers.bases.project import project
-from uplift.solvers.bases.reduced_march import march as reduced_march
-from uplift.solvers.bases.reduced_march import static_state as reduced_static_state
 from uplift.solvers.bases.settings import KrylovSettings
 from uplift.solvers.bases.springs import inside_contacts, spring_forces
-from uplift.solvers.bases.sweep import ReducedSweep
 from uplift.solvers.errors import SolverError
 from uplift.solvers.frequency_domain.harmonic import harmonic_sweep
 from uplift.solvers.frequency_domain.laplace import laplace_run
@@ -107,12 +104,12 @@ def full_and_reduced(scene, comm, settings, scheme=None, step=0.005, steps=600):
         operators = assembly.operators
         with Newmark(operators, scheme, step, exact_uplift=True) as method:
             full = transient(method, start, steps)
-        model = project(operators, krylov_basis(operators, settings))
-        rest = reduced_static_state(model, exact_uplift=True)
-        marched = reduced_march(model, scheme, step, steps, start=rest, exact_uplift=True).history(model)
-        swept = laplace_run(operators, scheme, step, steps, start, solve=ReducedSweep(model)).history
+        with project(operators, krylov_basis(operators, settings)) as model:
+            stepped = marched(model, scheme, step, steps, static_state(model, exact_uplift=True), exact_uplift=True)
+            with static_state(model, exact_uplift=True) as rest:
+                swept = laplace_run(model, scheme, step, steps, rest).history
     assert np.max(full.release) > 0
-    return full, marched, swept
+    return full, stepped, swept
 
 
 CASES = {
@@ -129,8 +126,8 @@ CASES = {
 @pytest.mark.parametrize("name", CASES)
 def test_uplift_in_the_basis_equals_uplift_in_all_dofs(sdls119a, comm, name):
     scene = with_support(refined(sdls119a, 2), **CASES[name])
-    full, marched, swept = full_and_reduced(scene, comm, KrylovSettings(tolerance=1e-6))
-    for here in (marched, swept):
+    full, stepped, swept = full_and_reduced(scene, comm, KrylovSettings(tolerance=1e-6))
+    for here in (stepped, swept):
         assert relative(here.probes, full.probes) < 1e-6
         assert relative(here.release[:, :5], full.release[:, :5]) < 5e-6
     assert here.peak == full.peak
@@ -144,15 +141,15 @@ def test_a_line_of_springs_costs_no_columns(sdls119a, comm):
         with prepare(on_springs(refined(sdls119a, factor)), comm) as assembly:
             sizes.append(krylov_basis(assembly.operators, KrylovSettings(tolerance=1e-6)).size)
     assert sizes[0] == pytest.approx(sizes[1], rel=0.1)
-    full, marched, swept = full_and_reduced(on_springs(refined(sdls119a, 2)), comm, KrylovSettings(tolerance=1e-6))
-    for here in (marched, swept):
+    full, stepped, swept = full_and_reduced(on_springs(refined(sdls119a, 2)), comm, KrylovSettings(tolerance=1e-6))
+    for here in (stepped, swept):
         assert relative(here.probes, full.probes) < 1e-6
         assert relative(here.release[:, :5], full.release[:, :5]) < 5e-6
 
 
 def test_dissipative_scheme(sdls119a, comm):
-    full, marched, swept = full_and_reduced(refined(sdls119a, 2), comm, KrylovSettings(tolerance=1e-6), hilber_hughes_taylor(0.1))
-    assert relative(marched.probes, full.probes) < 1e-6
+    full, stepped, swept = full_and_reduced(refined(sdls119a, 2), comm, KrylovSettings(tolerance=1e-6), hilber_hughes_taylor(0.1))
+    assert relative(stepped.probes, full.probes) < 1e-6
     assert relative(swept.probes, full.probes) < 1e-6
 
 
@@ -162,7 +159,8 @@ def test_a_small_space_is_used_up():
     loads = [(oscillator.FORCE, np.ones_like, False)]
     with dense_operators(oscillator.STIFFNESS, oscillator.MASS, oscillator.DAMPING, loads) as operators:
         basis = krylov_basis(operators, KrylovSettings(tolerance=1e-12, band=2.0))
-        here = harmonic_sweep(operators, np.array([0.0, 3.0, 7.0]), ReducedSweep(project(operators, basis)))
+        with project(operators, basis) as small:
+            here = harmonic_sweep(small, np.array([0.0, 3.0, 7.0]))
     assert basis.size == 2
     for omega, answer in zip((0.0, 3.0, 7.0), here.probes[:, :, 0], strict=True):
         assert answer == pytest.approx(oscillator.frequency_response(omega), rel=1e-11)
@@ -172,10 +170,10 @@ def test_a_small_space_is_used_up():
 def test_sudden_load_and_further_columns():
     loads = [(oscillator.FORCE, np.ones_like, False)]
     with dense_operators(oscillator.STIFFNESS, oscillator.MASS, oscillator.DAMPING, loads) as operators, at_rest(operators) as start:
-        model = project(operators, krylov_basis(operators, KrylovSettings(tolerance=1e-10, band=2.0)))
         with Newmark(operators, Scheme(), 0.02) as method:
             stepped = transient(method, start, 300)
-        run = laplace_run(operators, Scheme(), 0.02, 300, start, solve=ReducedSweep(model))
+        with project(operators, krylov_basis(operators, KrylovSettings(tolerance=1e-10, band=2.0))) as model, at_rest(model) as rest:
+            run = laplace_run(model, Scheme(), 0.02, 300, rest)
     assert relative(run.history.probes, stepped.probes) < 1e-9
 
 

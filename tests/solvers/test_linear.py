@@ -18,8 +18,8 @@ def test_iterative_march_equals_the_direct_one_joints_of_1e15_included(sdls119a,
         motions = rigid_motions(assembly.plate.labels)
         for given in (None, motions):
             with (
-                static_state(assembly.operators, exact_uplift=True, motions=given) as start,
-                Newmark(assembly.operators, Scheme(), 0.005, exact_uplift=True, motions=given) as method,
+                static_state(assembly.operators, exact_uplift=True, rigid_modes=given) as start,
+                Newmark(assembly.operators, Scheme(), 0.005, exact_uplift=True, rigid_modes=given) as method,
             ):
                 histories.append(transient(method, start, 10))
         # Ten steps, the first acceleration and one solve for each contact: a preconditioner that has lost the rigid motions needs hundreds.

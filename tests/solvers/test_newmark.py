@@ -5,13 +5,15 @@ from tests import oscillator
 from tests.small import contact_on, dense_operators, petsc_matrix, petsc_vector
 from uplift.forms.loads.signals import Constant
 from uplift.meshes.checked import ModelError
+from uplift.solvers.contact.memory import closed
 from uplift.solvers.errors import SolverError
 from uplift.solvers.linear import DirectSolver
-from uplift.solvers.time_domain.initial import balance_acceleration, settled_state, static_state
+from uplift.solvers.time_domain.balance import balance_acceleration
+from uplift.solvers.time_domain.initial import settled_state, static_state
 from uplift.solvers.time_domain.march import transient
 from uplift.solvers.time_domain.newmark import Newmark
 from uplift.solvers.time_domain.scheme import Scheme, generalised_alpha, hilber_hughes_taylor
-from uplift.solvers.time_domain.state import State, at_rest
+from uplift.solvers.time_domain.state import Drive, State, at_rest
 
 pytestmark = [pytest.mark.serial, pytest.mark.both]
 
@@ -23,7 +25,7 @@ def oscillator_operators(**options):
 
 def run(scheme, step, duration=2.0):
     with oscillator_operators() as operators, Newmark(operators, scheme, step) as method:
-        start = State(petsc_vector(oscillator.U0), petsc_vector(oscillator.V0), operators.new_vector(), np.zeros(0))
+        start = State(petsc_vector(oscillator.U0), petsc_vector(oscillator.V0), operators.new_vector(), closed(0))
         with start:
             history = transient(method, start, round(duration / step))
     return history.times, history.probes
@@ -64,13 +66,14 @@ def test_small_steps_keep_their_digits():
 def test_undamped_average_acceleration_keeps_its_energy():
     stiffness, mass = oscillator.STIFFNESS, oscillator.MASS
     with dense_operators(stiffness, mass) as operators, Newmark(operators, Scheme(), 0.05) as method:
-        state = State(petsc_vector(oscillator.U0), petsc_vector(oscillator.V0), operators.new_vector(), np.zeros(0))
-        balance_acceleration(operators, state, np.zeros(0), 0.05)
+        start = State(petsc_vector(oscillator.U0), petsc_vector(oscillator.V0), operators.new_vector(), closed(0))
+        drive = Drive(np.zeros((2001, 0)), 0.0)
+        method.begin(start, drive)
         energies = []
-        for _ in range(2000):
-            u, v = np.real(state.displacement.array), np.real(state.velocity.array)
+        for n in range(1, 2001):
+            u, v = np.real(method.state.displacement.array), np.real(method.state.velocity.array)
             energies.append(0.5 * (u @ stiffness @ u + v @ mass @ v))
-            method.advance(state, (np.zeros(0), np.zeros(0)))
+            method.advance(drive, n, n)
     # 2000 steps of round-off.
     assert np.ptp(energies) < 1e-11 * energies[0]
 

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
+from tests.small import history_of
 from uplift.forms.contact.law import UpliftLaw
 from uplift.solvers.contact.published_passes import published_passes
-from uplift.solvers.history import History
 
 LAW = UpliftLaw(np.array([4.0]), np.array([0.25]))
 
@@ -15,7 +15,7 @@ def one_contact(compliance):
         elongation = np.array([[-0.5], [0.25]])
         acted = np.zeros((2, 1)) if release is None else release
         elongation = elongation + compliance * acted
-        return History(np.array([0.0, 1.0]), elongation.copy(), elongation, acted, np.zeros((2, 0)))
+        return history_of(np.array([0.0, 1.0]), elongation.copy(), elongation, acted)
 
     return solve
 

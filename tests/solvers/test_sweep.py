@@ -45,7 +45,7 @@ def test_any_number_of_groups_equals_dense_algebra(assembly, comm):
         for functionals, here in (
             (operators.probes, transfer.probes),
             (operators.contacts.elongation, transfer.elongation),
-            (operators.reactions.functionals, transfer.resultants),
+            (operators.reactions, transfer.group("reactions")),
         ):
             assert here.shape == (len(OMEGA), len(functionals.names), exact.shape[2])
             assert difference(here, on_all_ranks(functionals) @ exact) < 1e-9

@@ -33,8 +33,6 @@ from uplift.solvers.bases.basis import Basis
 from uplift.solvers.bases.krylov import krylov_basis
 from uplift.solvers.bases.modes import modes
 from uplift.solvers.bases.project import project
-from uplift.solvers.bases.reduced_march import march as reduced_march
-from uplift.solvers.bases.reduced_march import static_state as reduced_static_state
 from uplift.solvers.bases.settings import KrylovSettings
 from uplift.solvers.bases.static_answers import with_static_answers
 from uplift.solvers.contact.published_passes import Passes, published_passes
@@ -42,7 +40,7 @@ from uplift.solvers.errors import SolverError
 from uplift.solvers.frequency_domain.window import Window
 from uplift.solvers.history import History
 from uplift.solvers.time_domain.initial import static_state
-from uplift.solvers.time_domain.march import transient
+from uplift.solvers.time_domain.march import stepper_of, transient
 from uplift.solvers.time_domain.newmark import Newmark
 from uplift.solvers.time_domain.scheme import Scheme
 
@@ -265,11 +263,11 @@ def _on_a_basis(model: Model, run: Run, clock: Clock) -> tuple[History | None, d
         basis, blocks = basis_of(model.operators, run)
     with clock.phase("projection"):
         small = project(model.operators, basis)
-    with clock.phase("start"):
-        start = reduced_static_state(small, exact_uplift=True)
-    with clock.phase("march"):
-        marched = reduced_march(small, Scheme(), run.step, _steps(model, run), start=start, exact_uplift=True)
-        history = marched.history(small)
+    with small:
+        with clock.phase("start"):
+            start = static_state(small, exact_uplift=True)
+        with clock.phase("march"), start, stepper_of(small, Scheme(), run.step, exact_uplift=True) as stepper:
+            history = transient(stepper, start, _steps(model, run))
     return history, {"vectors": basis.size, "blocks": blocks}
 
 

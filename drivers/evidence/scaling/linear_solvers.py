@@ -68,18 +68,18 @@ def measure_solver(scene: Scene, comm: Any, factor: int, name: str, folder: Path
     assert settings is not None
     with prepare(refined(scene, factor), comm) as assembly:
         operators = assembly.operators
-        motions = rigid_motions(assembly.plate.labels) if name == "iterative" else None
+        rigid_modes = rigid_motions(assembly.plate.labels) if name == "iterative" else None
         ctypes.CDLL(None).malloc_trim(0)  # what assembly has given back would hide what the solver takes
         model = _resident("VmRSS")
         Path("/proc/self/clear_refs").write_text("5", encoding="ascii")  # the peak starts anew
         with at_rest(operators) as state:
             values = load_values(operators, np.zeros(1), static_only=True)[0]
             right = loads_at(operators, values, state.release)
-            with definite_solver(operators.stiffness, "static_", "static state", motions) as solver:
+            with definite_solver(operators.stiffness, "static_", "static state", rigid_modes) as solver:
                 solver.solve(right, state.displacement, check=True)
                 static = solver.factor_seconds, solver.solve_seconds, _iterations(solver)
             right.destroy()
-            with Newmark(operators, settings.scheme, settings.step, exact_uplift=True, motions=motions) as method:
+            with Newmark(operators, settings.scheme, settings.step, exact_uplift=True, rigid_modes=rigid_modes) as method:
                 history = transient(method, state, STEPS)
                 solves = STEPS + operators.contacts.law.n_channels
                 step = method.solver.factor_seconds, method.solver.solve_seconds / solves, _iterations(method.solver) / solves

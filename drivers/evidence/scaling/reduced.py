@@ -16,13 +16,11 @@ from uplift.drivers.analysis.basis import basis_of
 from uplift.drivers.evidence.scaling.cost import refined
 from uplift.drivers.scene.scene import Scene
 from uplift.solvers.bases.project import project
-from uplift.solvers.bases.reduced_march import march as reduced_march
-from uplift.solvers.bases.reduced_march import static_state as reduced_static_state
-from uplift.solvers.bases.sweep import ReducedSweep
 from uplift.solvers.frequency_domain.harmonic import FourierResponse, harmonic_sweep
+from uplift.solvers.history import History
 from uplift.solvers.memory import peak_bytes
 from uplift.solvers.time_domain.initial import static_state
-from uplift.solvers.time_domain.march import transient
+from uplift.solvers.time_domain.march import stepper_of, transient
 from uplift.solvers.time_domain.newmark import Newmark
 
 TOLERANCE = 1e-6
@@ -115,18 +113,21 @@ def measure_reduced(scene: Scene, comm: Any, factor: int, full_steps: int, check
 
         basis, _ = timed(lambda: basis_of(assembly, TOLERANCE, None))
         model = timed(lambda: project(assembly.operators, basis))
-        transfer = timed(lambda: harmonic_sweep(assembly.operators, 2 * np.pi * window.frequencies, ReducedSweep(model)))
+        transfer = timed(lambda: harmonic_sweep(model, 2 * np.pi * window.frequencies))
         steps = round(window.length / settings.step)
         every = steps // window.samples
-        start = reduced_static_state(model, exact_uplift=True)
-        run = timed(lambda: reduced_march(
-            model, settings.scheme, settings.step, steps, every=every, start=start, exact_uplift=True
-        ))
+        start = static_state(model, exact_uplift=True)
+
+        def march() -> History:
+            with stepper_of(model, settings.scheme, settings.step, exact_uplift=True) as stepper:
+                return transient(stepper, start, steps, every=every)
+
+        run = timed(march)
         memory = peak_bytes(comm)[0]
-        response = FourierResponse(assembly.operators, window, transfer)
+        response = FourierResponse(model, window, transfer)
         release = run.release[: window.samples]
         chosen = np.round(np.linspace(0.04, 1.0, checks) * (len(window.frequencies) - 1)).astype(int)
-        history = run.history(model).probes
+        history = run.probes
         np.savez(
             folder / FILE, history=history,
             frequencies=window.frequencies[chosen], drive=response.spectrum(release)[chosen],
@@ -152,6 +153,9 @@ class _BareSolves:
         self._right, self._solution = method.operators.new_vector(), method.operators.new_vector()
         self._right.set(1.0)
 
+    def wants(self, row: int) -> bool:
+        return True
+
     def watch(self, row: int, values: np.ndarray) -> None:
         begin = time.perf_counter()
         self._solver.solve(self._right, self._solution)
@@ -173,7 +177,7 @@ def _full_march(assembly: AssembledScene, steps: int, every: int, factor: float)
         begin = time.perf_counter()
         with Newmark(operators, settings.scheme, settings.step, exact_uplift=True) as method:
             bare = _BareSolves(method)
-            history = transient(method, start, steps, every=every, observer=bare)
+            history = transient(method, start, steps, every=every, watcher=bare)
             cost = time.perf_counter() - begin - bare.seconds
     return cost / (factor + steps * bare.seconds / bare.number), history.probes
 

@@ -107,8 +107,8 @@ class Bench:
         model = DensePlate(scene)
         there = model.static()[0][model.probed].astype(float)
         with self.assembly(changes) as assembly, static_state(assembly.operators, exact_uplift=True) as state:
-            probes = assembly.operators.probes
-            here = probes.total(probes.partial(np.real(state.displacement.array_r)))
+            outputs = assembly.operators.outputs
+            here = outputs.total(outputs.partial(np.real(state.displacement.array_r)))[outputs.layout["probes"]]
             scaled = condition(assembly.operators.stiffness, scaled=True)
             lost = assembly.operators.n * float(np.finfo(float).eps) * scaled
         return Finding(relative(here, there), f"scaled condition 1e{math.log10(scaled):.0f}", limit=lost)

@@ -81,7 +81,7 @@ def unit_answers(operators: Operators, settings: Transient, step: int) -> np.nda
 
     (steps + 1, n_probes + n_channels, n_channels) m: probes, then elongations of the bonded contacts.
     """
-    unloaded = dataclasses.replace(operators, loads=[], reactions=None)
+    unloaded = dataclasses.replace(operators, loads=[])
     answers = []
     with at_rest(unloaded) as start, Newmark(unloaded, settings.scheme, settings.step) as method:
         for channel in range(operators.contacts.law.n_channels):
@@ -131,16 +131,18 @@ def superposed(assembly: AssembledScene, first: History) -> Callable[[np.ndarray
     answer = causal(unit_answers(assembly.operators, settings, 1)[1:])
     sudden = assembly.operators.contacts.law.release(first.elongation[0])
     bonded = np.concatenate([first.probes, first.elongation], axis=1)
+    rows = np.r_[first.layout.layout["probes"], first.layout.layout["elongation"]]
     if sudden.any():
         bonded = bonded + unit_answers(assembly.operators, settings, 0) @ sudden
-    n_probes = first.probes.shape[1]
 
     def solve(release: np.ndarray | None) -> History:
         if release is None:
             return first
         values = bonded.copy()
         values[1:] += answer(release[1:])
-        return History(first.times, values[:, :n_probes], values[:, n_probes:], release, np.zeros((len(values), 0)))
+        outputs = np.full(first.outputs.shape, np.nan)  # reactions are not superposed
+        outputs[:, rows] = values
+        return History(first.times, outputs, first.layout, release)
 
     return solve
 
