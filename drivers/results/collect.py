@@ -2,30 +2,25 @@
 
 from __future__ import annotations
 
-from uplift.drivers.results.contact_lines import contact_lines
-from uplift.drivers.analysis.snapshots import vectors_in_space
-from uplift.drivers.results.results import floor_spectra
-from uplift.drivers.results.results import Results
-from uplift.drivers.results.results import Series
-from uplift.forms.contact.supports import TRANSLATIONS
-from uplift.solvers.spectra import DAMPING
-from uplift.solvers.spectra import FREQUENCIES
-from uplift.solvers.spectra import ResponseSpectrum
-from uplift.solvers.spectra import response_spectrum
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
 
-from typing import TYPE_CHECKING
+from uplift.drivers.analysis.snapshots import vectors_in_space
+from uplift.drivers.results.contact_lines import contact_lines
+from uplift.drivers.results.results import Results, Series, floor_spectra
+from uplift.forms.contact.supports import TRANSLATIONS
 
 if TYPE_CHECKING:
-    from uplift.drivers.analysis.assembled_scene import Analysis
-    from uplift.drivers.analysis.assembled_scene import AssembledScene
+    from uplift.drivers.analysis.assembled_scene import Analysis, AssembledScene
     from uplift.drivers.analysis.snapshots import SnapshotData
 
 AXES = "XYZ"
 
 
-def collect(assembly: AssembledScene, analysis: Analysis, snapshot_data: SnapshotData | None, facts: dict[str, Any], scene_text: str) -> Results:
+def collect(
+    assembly: AssembledScene, analysis: Analysis, snapshot_data: SnapshotData | None, facts: dict[str, Any], scene_text: str
+) -> Results:
     """Return the results of a run, on rank 0."""
     model, operators, history = assembly.plate.model, assembly.operators, analysis.final
     series = _motion(assembly, analysis)
@@ -34,7 +29,8 @@ def collect(assembly: AssembledScene, analysis: Analysis, snapshot_data: Snapsho
         series |= _contacts(assembly, analysis)
     if operators.reactions is not None and history.reactions.shape[1]:
         series |= _reactions(operators.reactions.functionals.names, history.reactions)
-    lifted = snapshot_data.lifted if snapshot_data is not None and snapshot_data.lifted is not None and snapshot_data.watched else analysis.lifted
+    watched = snapshot_data is not None and snapshot_data.watched and snapshot_data.lifted is not None
+    lifted = snapshot_data.lifted if snapshot_data is not None and watched else analysis.lifted
     if lifted is not None:
         about = "Share of the plate's area whose nodes have risen"
         series["uplift/area"] = Series(("lifted area",), "%", lifted[:, None], about)

@@ -19,8 +19,8 @@ from typing import Any
 
 import numpy as np
 
-from uplift.drivers.results.results import Results, Series
 from uplift.drivers.analysis.snapshots import SnapshotData
+from uplift.drivers.results.results import Results, Series
 from uplift.meshes.checked import ModelError
 from uplift.solvers.spectra import ResponseSpectrum
 

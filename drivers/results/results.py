@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from dataclasses import field
-from dataclasses import replace
-from uplift.drivers.analysis.snapshots import SnapshotData
-from uplift.solvers.spectra import DAMPING, FREQUENCIES, response_spectrum
-from uplift.solvers.spectra import ResponseSpectrum
+from dataclasses import dataclass, field, replace
 from typing import Any
+
 import numpy as np
+
+from uplift.drivers.analysis.snapshots import SnapshotData
+from uplift.solvers.spectra import DAMPING, FREQUENCIES, ResponseSpectrum, response_spectrum
 
 
 @dataclass(frozen=True)
