@@ -19,7 +19,9 @@ from uplift.forms.assembly.numbering import Numbering
 from uplift.forms.assembly.outputs import lifted_area, probe_functionals
 from uplift.forms.assembly.row_labels import row_labels
 from uplift.forms.assembly.unrestrained import free_motions
-from uplift.forms.contact.joints import Joints
+from uplift.forms.contact import joint_matrices
+from uplift.forms.contact.placement import place
+from uplift.forms.contact.rigid_motions import foot_middle
 from uplift.forms.contact.supports import AXES, TRANSLATIONS
 from uplift.forms.operators import LiftedArea, Operators
 from uplift.forms.parameters import PlateModel
@@ -78,10 +80,10 @@ def assemble_plate(forms: CompiledForms, model: PlateModel) -> AssembledPlate:
     field = FullSpace(forms, model)
     field.model = model = _spelled_out(forms, field, model)
     held = held_dofs(model.conditions, forms.tagged, forms.space, forms.components, forms.kind)
-    joints = Joints(forms.space, forms.components, forms.kind, model)
-    joints.refuse_held(held, forms.space.mesh.comm)
-    numbering = Numbering(forms.space, held, joints.n_extra)
-    bonded, unilateral, extra_mass = joints.matrices(numbering)
+    placement = place(forms.space, forms.components, forms.kind, model)
+    placement.refuse_held(held, forms.space.mesh.comm)
+    numbering = Numbering(forms.space, held, placement.n_extra)
+    bonded, unilateral, extra_mass = joint_matrices.entries(placement, numbering)
     field.set_material()
     matrices = [field.matrix(forms.stiffness), field.matrix(forms.mass)]
     extras = [(bonded + unilateral).tocoo(), extra_mass]
@@ -90,9 +92,9 @@ def assemble_plate(forms: CompiledForms, model: PlateModel) -> AssembledPlate:
         matrices.append(_damping(forms, field, matrices))
         extras.append(sparse.coo_matrix((numbering.n_local, numbering.n_local)))
     stiffness, mass, *rest = numbering.matrices(matrices, extras)
-    inertia = Inertia(field, numbering, joints, matrices[1])
+    inertia = Inertia(field, numbering, placement, matrices[1])
     up = up_of(model, forms.kind)
-    loads = load_list(forms, field, numbering, joints, inertia, model)
+    loads = load_list(forms, field, numbering, placement, inertia, model)
     translations = {name[1:]: inertia.vector(AXES.index(name[1:])) for name in forms.components if name[1:] in AXES[:TRANSLATIONS]}
     total_mass = inertia.total_mass()
     for matrix in matrices:
@@ -102,17 +104,17 @@ def assemble_plate(forms: CompiledForms, model: PlateModel) -> AssembledPlate:
         mass=mass,
         damping=rest[0] if damped else None,
         loads=loads,
-        contacts=joints.contacts(numbering),
+        contacts=joint_matrices.contacts(placement, numbering),
         probes=probe_functionals(forms, numbering, model),
         comm=numbering.comm,
         bonded_springs=bonded,
         unilateral_springs=unilateral,
-        reactions=joints.reactions(numbering),
+        reactions=joint_matrices.reactions(placement, numbering, forms.kind, foot_middle(model)),
     )
     area = lifted_area(forms, field, numbering, up)
     joint_mass = sum(support.mass * float(support.factors.sum()) for support in model.supports)
     unrestrained = free_motions(forms, model, held)
-    labels = row_labels(forms.space, numbering, joints.extra_nodes)
+    labels = row_labels(forms.space, numbering, placement.extra_nodes)
     return AssembledPlate(
         operators, forms.space, numbering, forms.kind, forms.components, total_mass, translations, area, joint_mass, unrestrained,
         model, labels,

@@ -11,7 +11,7 @@ from dolfinx.fem.petsc import assemble_matrix, assemble_vector
 from petsc4py import PETSc
 
 from uplift.forms.assembly.compiled_forms import CompiledForms
-from uplift.forms.contact.joints import rigid_value
+from uplift.forms.contact.rigid_motions import rigid_value
 from uplift.forms.contact.supports import AXES, TRANSLATIONS
 from uplift.forms.parameters import Part, PlateModel, Pressure
 from uplift.forms.shells.material import Material

@@ -8,9 +8,10 @@ import numpy as np
 
 from uplift.forms.assembly.compiled_forms import CompiledForms
 from uplift.forms.assembly.full_space import FullSpace
-from uplift.forms.assembly.numbering import Numbering
+from uplift.forms.assembly.numbering import NodeDofs, Numbering
 from uplift.forms.assembly.points import owned_nodes
-from uplift.forms.contact.joints import Joints
+from uplift.forms.contact import joint_matrices
+from uplift.forms.contact.placement import Placement
 from uplift.forms.contact.supports import AXES
 from uplift.forms.loads.signals import Constant
 from uplift.forms.operators import Load
@@ -22,9 +23,9 @@ from uplift.meshes.checked import ModelError
 class Inertia:
     """The mass of the whole model times rigid motions of the base."""
 
-    def __init__(self, field: FullSpace, numbering: Numbering, joints: Joints, mass: Any) -> None:
+    def __init__(self, field: FullSpace, numbering: Numbering, placement: Placement, mass: Any) -> None:
         """Take the assembled mass of the whole space."""
-        self._field, self._numbering, self._joints, self._mass = field, numbering, joints, mass
+        self._field, self._numbering, self._placement, self._mass = field, numbering, placement, mass
 
     def _of_field(self, motion: int, center: np.ndarray) -> np.ndarray:
         moved, force = self._mass.createVecRight(), self._mass.createVecLeft()
@@ -39,7 +40,7 @@ class Inertia:
         """Return the mass times the unit rigid motion along or about an axis through `center` (PETSc vector of the system)."""
         center = np.zeros(3) if center is None else center
         vector = self._numbering.vector(self._of_field(motion, center))
-        vector.array[:] += self._joints.inertia(self._numbering, motion, center)
+        vector.array[:] += joint_matrices.inertia(self._placement, self._numbering, motion, center)
         return vector
 
     def total_mass(self) -> float:
@@ -52,7 +53,7 @@ class Inertia:
 
 
 def load_list(
-    forms: CompiledForms, field: FullSpace, numbering: Numbering, joints: Joints, inertia: Inertia, model: PlateModel
+    forms: CompiledForms, field: FullSpace, numbering: Numbering, placement: Placement, inertia: Inertia, model: PlateModel
 ) -> list[Load]:
     """Return the loads of a model, static ones and histories in time (collective)."""
     loads = []
@@ -69,7 +70,7 @@ def load_list(
                 part.destroy()
         loads.append(Load("ground motion", total, motion.signal))
     for force in model.forces:
-        vector = _force_vector(force, forms, numbering, joints)
+        vector = _force_vector(force, forms, numbering)
         loads.append(Load(force.name, vector, force.signal or Constant(1.0), static=force.signal is None))
     for pressure in model.pressures:
         try:
@@ -77,23 +78,24 @@ def load_list(
         except ModelError as error:
             raise ModelError(f"load[{pressure.name}].group", error.message) from None
         loads.append(Load(pressure.name, vector, pressure.signal or Constant(1.0), static=pressure.signal is None))
-    if joints.settles:
+    if placement.settles:
         loads.append(Load("gaps and preloads", numbering.vector(), Constant(1.0), static=True, internal=True))
-        loads[-1].vector.array[:] = joints.settlement_load(numbering)
+        loads[-1].vector.array[:] = joint_matrices.settlement_load(placement, numbering)
     return loads
 
 
-def _force_vector(force: Force, forms: CompiledForms, numbering: Numbering, joints: Joints) -> Any:
+def _force_vector(force: Force, forms: CompiledForms, numbering: Numbering) -> Any:
     try:
         nodes = owned_nodes(forms.space, np.asarray(force.points, dtype=float).reshape(-1, 3), force.name)
     except ModelError as error:
         raise ModelError(f"load[{force.name}].points", error.message) from None
+    dofs = NodeDofs(forms.components)
     for axis in np.flatnonzero(force.components):
-        if axis not in joints.column:
+        if axis not in dofs.column:
             raise ModelError(f"load[{force.name}].force", f"the kinematics {forms.kind!r} has nothing along {AXES[axis]}")
     values = np.zeros(numbering.n_field)
     for node, share in zip(nodes, force.factors, strict=True):
         for axis, value in enumerate(force.components):
             if node >= 0 and value != 0:
-                values[joints.dof(int(node), axis)] += share * value
+                values[dofs.dof(int(node), axis)] += share * value
     return numbering.vector(values)

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from uplift.forms.contact.joints import foot_middle, resultants_of
+from uplift.forms.contact.rigid_motions import foot_middle, resultants_of
 from uplift.forms.contact.supports import AXES
 from uplift.forms.parameters import PlateModel
 from uplift.meshes.tagged import extent_of
