@@ -15,7 +15,7 @@ from uplift.forms.contact.placement import Placement
 from uplift.forms.contact.supports import AXES
 from uplift.forms.loads.signals import Constant
 from uplift.forms.operators import Load
-from uplift.forms.parameters import Force, PlateModel
+from uplift.forms.parameters import Force, GroundMotion, Pressure
 from uplift.forms.shells.kinematics import up_of
 from uplift.meshes.checked import ModelError
 
@@ -45,57 +45,60 @@ class Inertia:
 
     def total_mass(self) -> float:
         """Return the mass in kg of plate, joints and point masses, held nodes included (collective)."""
-        axis = next(AXES.index(name[1:]) for name in self._field.forms.components)
+        axis = next(AXES.index(name[1:]) for name in self._field.compiled.components)
         here = float(self._field.rigid(axis, np.zeros(3)) @ self._of_field(axis, np.zeros(3)))
         model = self._field.model
         points = sum(group.mass * float(group.factors.sum()) for groups in (model.supports, model.masses) for group in groups)
         return float(self._numbering.comm.allreduce(here)) + points
 
 
-def load_list(
-    forms: CompiledForms, field: FullSpace, numbering: Numbering, placement: Placement, inertia: Inertia, model: PlateModel
-) -> list[Load]:
-    """Return the loads of a model, static ones and histories in time (collective)."""
+def load_list(field: FullSpace, numbering: Numbering, placement: Placement, inertia: Inertia) -> list[Load]:
+    """Return the loads of a model, static ones and histories in time (collective). Raises `ModelError` for what fits no node or group."""
+    model = field.model
     loads = []
     if model.gravity != 0:
-        vector = inertia.vector(up_of(model, forms.kind))
+        vector = inertia.vector(up_of(model, field.compiled.kind))
         vector.scale(-model.gravity)
         loads.append(Load("gravity", vector, Constant(1.0), static=True))
-    for motion in model.motions:
-        total = numbering.vector()
-        for axis, value in enumerate(motion.direction):
-            if value != 0:
-                part = inertia.vector(axis, np.array(motion.center))
-                total.axpy(-value, part)
-                part.destroy()
-        loads.append(Load("ground motion", total, motion.signal))
-    for force in model.forces:
-        vector = _force_vector(force, forms, numbering)
-        loads.append(Load(force.name, vector, force.signal or Constant(1.0), static=force.signal is None))
-    for pressure in model.pressures:
-        try:
-            vector = numbering.vector(field.pressure(pressure))
-        except ModelError as error:
-            raise ModelError(f"load[{pressure.name}].group", error.message) from None
-        loads.append(Load(pressure.name, vector, pressure.signal or Constant(1.0), static=pressure.signal is None))
+    loads += [Load("ground motion", _motion_vector(motion, numbering, inertia), motion.signal) for motion in model.motions]
+    acting: list[tuple[Force | Pressure, Any]] = [(force, _force_vector(force, field.compiled, numbering)) for force in model.forces]
+    acting += [(pressure, _pressure_vector(pressure, field, numbering)) for pressure in model.pressures]
+    for load, vector in acting:
+        loads.append(Load(load.name, vector, load.signal or Constant(1.0), static=load.signal is None))
     if placement.settles:
-        loads.append(Load("gaps and preloads", numbering.vector(), Constant(1.0), static=True, internal=True))
-        loads[-1].vector.array[:] = joint_matrices.settlement_load(placement, numbering)
+        vector = numbering.vector()
+        vector.array[:] = joint_matrices.settlement_load(placement, numbering)
+        loads.append(Load("gaps and preloads", vector, Constant(1.0), static=True, internal=True))
     return loads
 
 
-def _force_vector(force: Force, forms: CompiledForms, numbering: Numbering) -> Any:
+def _motion_vector(motion: GroundMotion, numbering: Numbering, inertia: Inertia) -> Any:
+    total = numbering.vector()
+    for axis in np.flatnonzero(motion.direction):
+        part = inertia.vector(int(axis), np.array(motion.center))
+        total.axpy(-motion.direction[axis], part)
+        part.destroy()
+    return total
+
+
+def _pressure_vector(pressure: Pressure, field: FullSpace, numbering: Numbering) -> Any:
     try:
-        nodes = owned_nodes(forms.space, np.asarray(force.points, dtype=float).reshape(-1, 3), force.name)
+        return numbering.vector(field.pressure(pressure))
+    except ModelError as error:
+        raise ModelError(f"load[{pressure.name}].group", error.message) from None
+
+
+def _force_vector(force: Force, compiled: CompiledForms, numbering: Numbering) -> Any:
+    try:
+        nodes = owned_nodes(compiled.space, np.asarray(force.points, dtype=float).reshape(-1, 3), force.name)
     except ModelError as error:
         raise ModelError(f"load[{force.name}].points", error.message) from None
-    dofs = NodeDofs(forms.components)
+    dofs = NodeDofs(compiled.components)
     for axis in np.flatnonzero(force.components):
         if axis not in dofs.column:
-            raise ModelError(f"load[{force.name}].force", f"the kinematics {forms.kind!r} has nothing along {AXES[axis]}")
+            raise ModelError(f"load[{force.name}].force", f"the kinematics {compiled.kind!r} has nothing along {AXES[axis]}")
     values = np.zeros(numbering.n_field)
-    for node, share in zip(nodes, force.factors, strict=True):
-        for axis, value in enumerate(force.components):
-            if node >= 0 and value != 0:
-                values[dofs.dof(int(node), axis)] += share * value
+    for node, tributary in zip(nodes, force.factors, strict=True):
+        for axis in np.flatnonzero(force.components) if node >= 0 else ():
+            values[dofs.dof(int(node), axis)] += tributary * force.components[axis]
     return numbering.vector(values)
