@@ -27,6 +27,7 @@ from uplift.drivers.commands import (
     truncation,
     verify,
 )
+from uplift.drivers.commands.options import missing_evidence
 from uplift.meshes.checked import ModelError
 from uplift.solvers.errors import SolverError, Stopped
 
@@ -47,6 +48,9 @@ def main(arguments: list[str]) -> int:
     begin = time.perf_counter()
     options = parser().parse_args(arguments)
     process.configure_log(quiet=getattr(options, "quiet", False))
+    if missing_evidence(options):
+        process.complain(f"the evidence is not installed; in a checkout of the source run: python3 -m drivers {' '.join(arguments)}")
+        return process.BAD_INPUT
     try:
         return int(options.command(options, begin))
     except ModelError as error:
@@ -79,9 +83,10 @@ def main(arguments: list[str]) -> int:
         return process.FAILED
 
 
-def parser(program: str = "python3 -m drivers") -> argparse.ArgumentParser:
+def parser() -> argparse.ArgumentParser:
     """Return the parser of all commands."""
-    whole = argparse.ArgumentParser(prog=program, description="Seismic response of plates and shells on compression-only supports.")
+    about = "Seismic response of plates and shells on compression-only supports."
+    whole = argparse.ArgumentParser(prog=process.program(), description=about)
     commands = whole.add_subparsers(required=True, metavar="COMMAND")
     for module in COMMANDS:
         module.add(commands)

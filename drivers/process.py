@@ -33,6 +33,11 @@ PATIENCE = 20.0
 """s that a rank with an error waits for the others to have it too, before it ends them."""
 
 
+def program() -> str:
+    """Return what the user has typed before the command: the name of the installed program, or how a checkout is called."""
+    return "uplift" if Path(sys.argv[0]).name == "uplift" else "python3 -m drivers"
+
+
 def choose_scalars(scalars: Scalars) -> None:
     """Continue in a process whose PETSc has `scalars`; to be called before PETSc is imported.
 

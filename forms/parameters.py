@@ -29,26 +29,35 @@ class Probe(Checked):
 
 
 @dataclass(frozen=True)
-class GroundMotion:
+class GroundMotion(Checked):
     """Acceleration of the common base of all springs: m/s2 along the axes, rad/s2 about those through `center`."""
 
-    direction: tuple[float, ...]
-    signal: Signal
-    center: Point = (0.0, 0.0, 0.0)
-    """m."""
+    direction: tuple[float, ...] = quantity("components along and about the axes, as factors of the signal")
+    signal: Signal = quantity("function of time", "m/s2 or rad/s2")
+    center: Point = quantity("point that the axes of rotation pass through", "m", default=(0.0, 0.0, 0.0))
 
-    def __post_init__(self) -> None:
-        """Complete direction and centre."""
+    def check(self) -> None:
+        """Complete direction and centre; refuse numbers that are not finite and a direction that is zero."""
         object.__setattr__(self, "direction", six(self.direction))
         object.__setattr__(self, "center", in_space(self.center))
+        for name, values in (("direction", self.direction), ("center", self.center)):
+            if not np.all(np.isfinite(values)):
+                raise ModelError(name, f"expected finite numbers, got {values}")
+        if not any(self.direction):
+            raise ModelError("direction", "expected a direction that is not zero")
 
 
 @dataclass(frozen=True)
-class Part:
+class Part(Checked):
     """A group of cells with a material or thickness of its own."""
 
-    group: str
-    material: Material
+    group: str = quantity("group of cells")
+    material: Material = quantity("material and thickness of these cells")
+
+    def check(self) -> None:
+        """Refuse a part without a group: the material of the model is that of all other cells."""
+        if not self.group:
+            raise ModelError("group", "expected the name of a group of cells")
 
 
 @dataclass(frozen=True)
@@ -93,7 +102,7 @@ class Force(Placed):
     per: str = quantity("what the components are meant for", default="points", one_of=PLACES)
 
     def check(self) -> None:
-        """Components are finite and not all zero."""
+        """Complete the components; refuse numbers that are not finite."""
         self._set(components=six(self.components))
         if not np.all(np.isfinite(self.components)):
             raise ModelError("components", f"expected finite numbers, got {self.components}")
@@ -110,23 +119,19 @@ class Pressure(Checked):
 
 
 @dataclass(frozen=True)
-class PlateModel:
+class PlateModel(Checked):
     """All that a plate or shell is made of, apart from its mesh."""
 
-    material: Material
-    """Of all cells that belong to no part."""
-    supports: tuple[Support, ...] = ()
-    springs: tuple[Spring, ...] = ()
-    probes: tuple[Probe, ...] = ()
-    gravity: float = 0.0
-    """m/s2 against the direction `up`."""
-    motions: tuple[GroundMotion, ...] = ()
-    parts: tuple[Part, ...] = ()
-    conditions: tuple[Condition, ...] = ()
-    masses: tuple[Mass, ...] = ()
-    forces: tuple[Force, ...] = ()
-    pressures: tuple[Pressure, ...] = ()
-    up: str = ""
-    """Axis that points up: X, Y or Z; empty: Y in plane stress, else Z."""
-    uplift_group: str = ""
-    """Group of cells whose lifted share is of interest; empty: all."""
+    material: Material = quantity("material and thickness of all cells that belong to no part")
+    supports: tuple[Support, ...] = quantity("joints that may open", default=())
+    springs: tuple[Spring, ...] = quantity("plain springs to the ground", default=())
+    probes: tuple[Probe, ...] = quantity("points whose displacements are recorded", default=())
+    gravity: float = quantity("acceleration of free fall against the direction `up`", "m/s2", default=0.0)
+    motions: tuple[GroundMotion, ...] = quantity("accelerations of the ground", default=())
+    parts: tuple[Part, ...] = quantity("groups of cells of another material", default=())
+    conditions: tuple[Condition, ...] = quantity("components that are zero", default=())
+    masses: tuple[Mass, ...] = quantity("point masses", default=())
+    forces: tuple[Force, ...] = quantity("forces and moments", default=())
+    pressures: tuple[Pressure, ...] = quantity("pressures", default=())
+    up: str = quantity("axis that points up; empty: Y in plane stress, else Z", default="", one_of=("", "X", "Y", "Z"))
+    uplift_group: str = quantity("group of cells whose lifted share is of interest; empty: all", default="")

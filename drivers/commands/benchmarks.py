@@ -16,7 +16,7 @@ def add(commands: Any) -> None:
         description="Run published benchmarks of plates and shells through scenes, static, modal, harmonic and transient, and write a page "
                     "of tables; exit code 1 if a value misses its limit.",
     )
-    add_page(parser, "benchmarks.md")
+    add_page(parser, "benchmarks", "benchmarks.md")
     parser.add_argument("--quick", action="store_true", help="the smaller meshes only, where a case has several")
     parser.set_defaults(command=command, quiet=True)
 

@@ -18,7 +18,7 @@ def add(commands: Any) -> None:
         description="Measure exact uplift against linear runs, bare solves and sweeps on finer and finer meshes; write a page.",
     )
     add_scene(parser, default=REFERENCE)
-    add_page(parser, "cost.md")
+    add_page(parser, "scaling", "cost.md")
     parser.add_argument("--quick", action="store_true", help="small meshes only")
     parser.add_argument("--sweeps-only", action="store_true", help=argparse.SUPPRESS)
     parser.set_defaults(command=command, quiet=True)

@@ -31,5 +31,5 @@ def command(options: argparse.Namespace, begin: float) -> int:
     if options.name is None:
         raise ModelError("NAME", "expected the name of the new scene, or --list")
     path = new_scene(options.name, options.source)
-    process.say(f"{path}: a copy of {options.source}; next: python3 -m drivers check {path}")
+    process.say(f"{path}: a copy of {options.source}; next: {process.program()} check {path}")
     return 0

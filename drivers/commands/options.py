@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import importlib.util
 from pathlib import Path
 from typing import Any
+
+from uplift.drivers.evidence.pages import page_path
 
 
 def pass_count(text: str) -> int:
@@ -85,13 +88,13 @@ def add_folder(parser: Any, name: str, *, plots: str = "draw no pictures") -> No
     parser.add_argument("--quiet", action="store_true", help="print errors only")
 
 
-def add_page(parser: Any, default: str) -> None:
-    """Add the file of a page of evidence; in a checkout it has its place in docs/."""
-    parser.add_argument("--out", type=Path, default=page_path(default), metavar="FILE.md", help=f"default: {page_path(default)}")
+def add_page(parser: Any, package: str, usual: str) -> None:
+    """Add the file of a page that a package of `uplift.drivers.evidence` makes, by default the page `usual` in its place."""
+    parser.add_argument("--out", type=Path, default=page_path(usual), metavar="FILE.md", help="default: %(default)s")
+    parser.set_defaults(evidence=package)
 
 
-def page_path(name: str) -> Path:
-    """Return the place of a page of evidence: docs/ of the current folder if that is a checkout, else the current folder itself."""
-    here = Path("pyproject.toml")
-    checkout = here.is_file() and Path("docs").is_dir() and 'name = "uplift' in here.read_text(encoding="utf-8", errors="replace")
-    return Path("docs") / name if checkout else Path(name)
+def missing_evidence(options: argparse.Namespace) -> bool:
+    """Tell whether the command needs a package of evidence that is not here: an installation has only that of `verify`."""
+    package = getattr(options, "evidence", "")
+    return bool(package) and importlib.util.find_spec(f"uplift.drivers.evidence.{package}") is None

@@ -19,7 +19,7 @@ def add(commands: Any) -> None:
                     "refined references, and write a page, a picture and tables.",
     )
     add_scene(parser, default=REFERENCE)
-    add_page(parser, "pareto.md")
+    add_page(parser, "pareto", "pareto.md")
     parser.add_argument("--quick", action="store_true", help="fewer and smaller meshes, in three minutes")
     parser.add_argument("--peers", action="store_true",
                         help="measure OpenSeesPy too, installed on request into a virtual environment in the cache, and a scipy loop")

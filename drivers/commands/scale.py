@@ -8,6 +8,7 @@ from typing import Any
 
 from uplift.drivers import process
 from uplift.drivers.commands.options import add_scene
+from uplift.drivers.evidence.pages import page_path
 from uplift.drivers.scene.shipped import REFERENCE
 from uplift.meshes.checked import ModelError
 
@@ -19,12 +20,13 @@ def add(commands: Any) -> None:
         description="Measure the direct sweep on finer and finer meshes, on one rank and on two in both ways of sharing; write a page.",
     )
     add_scene(parser, default=REFERENCE)
-    parser.add_argument("--out", type=Path, metavar="FILE.md", help="default: docs/scaling.md, with --peers docs/scaling-peers.md")
+    parser.add_argument("--out", type=Path, metavar="FILE.md",
+                        help=f"default: {page_path('scaling.md')}, with --peers {page_path('scaling-peers.md')}")
     parser.add_argument("--peers", action="store_true",
                        help="measure the reduced run beside OpenSeesPy instead, which is installed into a virtual environment in the cache")
     parser.add_argument("--quick", action="store_true", help="small meshes only")
     parser.add_argument("--measure", nargs="+", help=argparse.SUPPRESS)  # what a process of its own measures, for `evidence.scaling`
-    parser.set_defaults(command=command, quiet=True)
+    parser.set_defaults(command=command, quiet=True, evidence="scaling")
 
 
 def command(options: argparse.Namespace, begin: float) -> int:
@@ -38,7 +40,7 @@ def command(options: argparse.Namespace, begin: float) -> int:
         from uplift.drivers.evidence.scaling.scaling import beside_opensees, scaling
 
         measuring = beside_opensees if options.peers else scaling
-        out = options.out or Path("docs") / ("scaling-peers.md" if options.peers else "scaling.md")
+        out = options.out or page_path("scaling-peers.md" if options.peers else "scaling.md")
         measuring(options.scene, scene, out, quick=options.quick)
         return 0
     what, *arguments = options.measure

@@ -22,9 +22,10 @@ def command(options: argparse.Namespace, begin: float) -> int:
     """Run the command; return the exit code."""
     from uplift.drivers.scene.schema import page
 
+    text = page(process.program())
     if options.out is None:
-        process.say(page())
+        process.say(text)
         return 0
-    options.out.write_text(page(), encoding="utf-8")
+    options.out.write_text(text, encoding="utf-8")
     process.say(str(options.out))
     return 0

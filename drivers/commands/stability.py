@@ -17,7 +17,7 @@ def add(commands: Any) -> None:
         description="Drive the reference case to extremes, compare each run with an oracle that does not come from the solvers, and write "
                     "a page and a CSV file beside it; exit code 1 if a case fails.",
     )
-    add_page(parser, "stability.md")
+    add_page(parser, "stability", "stability.md")
     parser.add_argument("--quick", action="store_true", help="a dozen cases only")
     parser.add_argument("--quiet", action="store_true", help="print errors only")
     parser.set_defaults(command=command)

@@ -18,7 +18,7 @@ def add(commands: Any) -> None:
                     "page of tables; exit code 1 if the exact methods differ.",
     )
     add_scene(parser, default=REFERENCE)
-    add_page(parser, "uplift.md")
+    add_page(parser, "survey", "uplift.md")
     parser.add_argument("--quick", action="store_true", help="three cases only")
     parser.add_argument("--quiet", action="store_true", help="print errors only")
     parser.set_defaults(command=command)

@@ -139,7 +139,8 @@ def _probe(table: Table, mesh: MeshSource) -> Probe:
 
 def _part(table: Table) -> Part:
     group = table.take("group", str)
-    return Part(group, table.whole(Material))
+    part: Part = table.make(Part, group=group, material=table.whole(Material))
+    return part
 
 
 def _condition(table: Table) -> Condition:
@@ -171,15 +172,13 @@ def _motion(table: Table, horizon: float, folder: Path) -> GroundMotion:
         direction = tuple(float(axis == given) for axis in AXES)
     else:
         raise ModelError(table.key("direction"), f"expected one of {', '.join(AXES)}, or a table of them, got {given!r}")
-    if not any(direction):
-        raise ModelError(table.key("direction"), "expected a direction that is not zero")
     center: Point = (0.0, 0.0, 0.0)
     if any(direction[TRANSLATIONS:]):
         center = point_of(table.take("center_of_rotation", list, default=[0.0, 0.0, 0.0]), table.key("center_of_rotation"))
     signal = _signal(table, horizon, folder)
     table.finish()
-    assert signal is not None
-    return GroundMotion(direction, signal, center)
+    motion: GroundMotion = table.make(GroundMotion, direction=direction, signal=signal, center=center)
+    return motion
 
 
 def _signal(table: Table, horizon: float, folder: Path, *, needed: bool = True) -> Signal | None:

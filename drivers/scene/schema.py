@@ -203,9 +203,9 @@ the key may be absent and then has no value.
 """
 
 
-def page() -> str:
-    """Return the page as Markdown."""
-    lines = [INTRODUCTION]
+def page(program: str = "python3 -m drivers") -> str:
+    """Return the page as Markdown; `program` is how the commands on it are called."""
+    lines = [INTRODUCTION.replace("python3 -m drivers", program)]
     for section in sections():
         several = "\n\nThere may be several of these." if section.listed else ""
         paragraphs = "\n\n".join(" ".join(part.split()) for part in section.doc.split("\n\n"))

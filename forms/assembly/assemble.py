@@ -19,7 +19,9 @@ from uplift.forms.assembly.numbering import Numbering
 from uplift.forms.assembly.outputs import lifted_area, probe_outputs
 from uplift.forms.assembly.row_labels import row_labels
 from uplift.forms.assembly.unrestrained import free_motions
-from uplift.forms.contact.joints import Joints
+from uplift.forms.contact import joint_matrices
+from uplift.forms.contact.placement import place
+from uplift.forms.contact.rigid_motions import foot_middle
 from uplift.forms.contact.supports import AXES, TRANSLATIONS
 from uplift.forms.operators import LiftedArea, Operators, Outputs, elongation_group
 from uplift.forms.parameters import PlateModel
@@ -73,36 +75,31 @@ class AssembledPlate:
         return moved
 
 
-def assemble_plate(forms: CompiledForms, model: PlateModel) -> AssembledPlate:
+def assemble_plate(compiled: CompiledForms, model: PlateModel) -> AssembledPlate:
     """Assemble the operators (collective). Raises `ModelError` for what does not fit the mesh, named by its key."""
-    field = FullSpace(forms, model)
-    field.model = model = _spelled_out(forms, field, model)
-    held = held_dofs(model.conditions, forms.tagged, forms.space, forms.components, forms.kind)
-    joints = Joints(forms.space, forms.components, forms.kind, model)
-    joints.refuse_held(held, forms.space.mesh.comm)
-    numbering = Numbering(forms.space, held, joints.n_extra)
-    bonded, unilateral, extra_mass = joints.matrices(numbering)
-    field.set_material()
-    matrices = [field.matrix(forms.stiffness), field.matrix(forms.mass)]
-    extras = [(bonded + unilateral).tocoo(), extra_mass]
-    damped = any(material.alpha > 0 or material.beta > 0 for material in field.materials)
-    if damped:
-        matrices.append(_damping(forms, field, matrices))
-        extras.append(sparse.coo_matrix((numbering.n_local, numbering.n_local)))
-    stiffness, mass, *rest = numbering.matrices(matrices, extras)
-    inertia = Inertia(field, numbering, joints, matrices[1])
-    up = up_of(model, forms.kind)
-    loads = load_list(forms, field, numbering, joints, inertia, model)
-    translations = {name[1:]: inertia.vector(AXES.index(name[1:])) for name in forms.components if name[1:] in AXES[:TRANSLATIONS]}
+    model = _spelled_out(compiled, model)
+    field = FullSpace(compiled, model)
+    held = held_dofs(model.conditions, compiled.tagged, compiled.space, compiled.components, compiled.kind)
+    placement = place(compiled.space, compiled.components, compiled.kind, model)
+    placement.refuse_held(held, compiled.space.mesh.comm)
+    numbering = Numbering(compiled.space, held, placement.n_extra)
+    bonded, unilateral, extra_mass = joint_matrices.entries(placement, numbering)
+    matrices = _full_matrices(field)
+    no_entries = sparse.coo_matrix((numbering.n_local, numbering.n_local))
+    stiffness, mass, *damping = numbering.matrices(matrices, [(bonded + unilateral).tocoo(), extra_mass, no_entries][: len(matrices)])
+    inertia = Inertia(field, numbering, placement, matrices[1])
+    loads = load_list(field, numbering, placement, inertia)
+    translations = {name[1:]: inertia.vector(AXES.index(name[1:])) for name in compiled.components if name[1:] in AXES[:TRANSLATIONS]}
     total_mass = inertia.total_mass()
     for matrix in matrices:
         matrix.destroy()
-    contacts = joints.contacts(numbering)
-    groups = [probe_outputs(forms, numbering, model), elongation_group(contacts), joints.reactions(numbering)]
+    contacts = joint_matrices.contacts(placement, numbering)
+    reactions = joint_matrices.reactions(placement, numbering, compiled.kind, foot_middle(model))
+    groups = [probe_outputs(compiled, numbering, model), elongation_group(contacts), reactions]
     operators = Operators(
         stiffness=stiffness,
         mass=mass,
-        damping=rest[0] if damped else None,
+        damping=damping[0] if damping else None,
         loads=loads,
         contacts=contacts,
         outputs=Outputs.of(groups, numbering.comm),
@@ -110,24 +107,31 @@ def assemble_plate(forms: CompiledForms, model: PlateModel) -> AssembledPlate:
         bonded_springs=bonded,
         unilateral_springs=unilateral,
     )
-    area = lifted_area(forms, field, numbering, up)
-    joint_mass = sum(support.mass * float(support.factors.sum()) for support in model.supports)
-    unrestrained = free_motions(forms, model, held)
-    labels = row_labels(forms.space, numbering, joints.extra_nodes)
     return AssembledPlate(
-        operators, forms.space, numbering, forms.kind, forms.components, total_mass, translations, area, joint_mass, unrestrained,
-        model, labels,
+        operators,
+        compiled.space,
+        numbering,
+        compiled.kind,
+        compiled.components,
+        total_mass,
+        translations,
+        lifted_area=lifted_area(compiled, field, numbering, up_of(model, compiled.kind)),
+        joint_mass=sum(support.mass * float(support.factors.sum()) for support in model.supports),
+        unrestrained=free_motions(compiled, model, held),
+        model=model,
+        labels=row_labels(compiled.space, numbering, placement.extra_nodes),
     )
 
 
-def _spelled_out(forms: CompiledForms, field: FullSpace, model: PlateModel) -> PlateModel:
+def _spelled_out(compiled: CompiledForms, model: PlateModel) -> PlateModel:
     """Return the model with the points of whatever stands on a group of the mesh."""
+    field = FullSpace(compiled, model)
     found: dict[str, Any] = {}
     for key in ("supports", "springs", "masses", "forces"):
         placed = []
         for group in getattr(model, key):
             try:
-                placed.append(at_nodes(group, forms.tagged, forms.space, forms.degree, field.area))
+                placed.append(at_nodes(group, compiled.tagged, compiled.space, compiled.degree, field.area))
             except ModelError as error:
                 where = f"{'load' if key == 'forces' else key}[{group.name}]"
                 raise ModelError(f"{where}.{error.key or 'group'}", error.message) from None
@@ -135,17 +139,25 @@ def _spelled_out(forms: CompiledForms, field: FullSpace, model: PlateModel) -> P
     return replace(model, **found)
 
 
-def _damping(forms: CompiledForms, field: FullSpace, matrices: list[Any]) -> Any:
+def _full_matrices(field: FullSpace) -> list[Any]:
+    """Return stiffness and mass over all dofs of the space, and where a material is damped the damping; the caller destroys them."""
+    field.set_material()
+    stiffness, mass = field.matrix(field.compiled.stiffness), field.matrix(field.compiled.mass)
+    if not any(material.alpha > 0 or material.beta > 0 for material in field.materials):
+        return [stiffness, mass]
+    return [stiffness, mass, _damping(field, stiffness, mass)]
+
+
+def _damping(field: FullSpace, stiffness: Any, mass: Any) -> Any:
     """Return alpha K + beta M, each material with its own alpha and beta (the stiffness is linear in E, the mass in rho)."""
-    alphas, betas = ({getattr(m, name) for m in field.materials} for name in ("alpha", "beta"))
-    if len(alphas) == 1 and len(betas) == 1:
-        damping = matrices[0].duplicate(copy=True)
-        damping.scale(alphas.pop())
-        mass, beta = matrices[1], betas.pop()
-    else:
-        field.set_material(young=lambda m: m.alpha, density=lambda m: m.beta)
-        damping, mass, beta = field.matrix(forms.stiffness), field.matrix(forms.mass), 1.0
-    damping.axpy(beta, mass, structure=PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
-    if mass is not matrices[1]:
-        mass.destroy()
+    same = PETSc.Mat.Structure.SAME_NONZERO_PATTERN
+    if len({(m.alpha, m.beta) for m in field.materials}) == 1:
+        damping = stiffness.duplicate(copy=True)
+        damping.scale(field.materials[0].alpha)
+        damping.axpy(field.materials[0].beta, mass, structure=same)
+        return damping
+    field.set_material(young=lambda m: m.alpha, density=lambda m: m.beta)
+    damping, weighted = field.matrix(field.compiled.stiffness), field.matrix(field.compiled.mass)
+    damping.axpy(1.0, weighted, structure=same)
+    weighted.destroy()
     return damping

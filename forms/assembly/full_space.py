@@ -11,7 +11,7 @@ from dolfinx.fem.petsc import assemble_matrix, assemble_vector
 from petsc4py import PETSc
 
 from uplift.forms.assembly.compiled_forms import CompiledForms
-from uplift.forms.contact.joints import rigid_value
+from uplift.forms.contact.rigid_motions import rigid_value
 from uplift.forms.contact.supports import AXES, TRANSLATIONS
 from uplift.forms.parameters import Part, PlateModel, Pressure
 from uplift.forms.shells.material import Material
@@ -21,10 +21,10 @@ from uplift.meshes.checked import ModelError
 class FullSpace:
     """Matrices and vectors over all dofs of the space, before any dof is left out."""
 
-    def __init__(self, forms: CompiledForms, model: PlateModel) -> None:
+    def __init__(self, compiled: CompiledForms, model: PlateModel) -> None:
         """Take the compiled forms and the parameters."""
-        self.forms = forms
-        self.tagged = forms.tagged
+        self.compiled = compiled
+        self.tagged = compiled.tagged
         self._cells = {part.group: self._cells_of(part) for part in model.parts}
         self.materials = [model.material, *(part.material for part in model.parts)]
         self.model = model
@@ -38,7 +38,7 @@ class FullSpace:
     def set_material(self, **factors: Callable[[Material], float]) -> None:
         """Set every material function; `factors` name fields that are multiplied by a number of the material."""
         for field in fields(Material):
-            function = getattr(self.forms.material, field.name)
+            function = getattr(self.compiled.material, field.name)
             factor = factors.get(field.name, lambda _: 1.0)
             function.x.array[:] = getattr(self.model.material, field.name) * factor(self.model.material)
             for part in self.model.parts:
@@ -54,13 +54,13 @@ class FullSpace:
         """Return the area (n_owned nodes,) in m2 of a group of cells that belongs to each node (collective)."""
         cells = self.tagged.cells(group)
         self.set_material()
-        density, thickness = self.forms.material.density.x.array, self.forms.material.thickness.x.array
+        density, thickness = self.compiled.material.density.x.array, self.compiled.material.thickness.x.array
         inside = np.zeros(len(density))
         inside[cells] = 1.0
         density[:] = inside / thickness
-        mass = self.matrix(self.forms.mass)
+        mass = self.matrix(self.compiled.mass)
         ones, shares = mass.createVecRight(), mass.createVecLeft()
-        block = len(self.forms.components)
+        block = len(self.compiled.components)
         ones.array.reshape(-1, block)[:, 0] = 1.0
         mass.mult(ones, shares)
         area: np.ndarray = np.real(shares.array_r.reshape(-1, block)[:, 0]).copy()
@@ -70,10 +70,10 @@ class FullSpace:
 
     def rigid(self, motion: int, center: np.ndarray) -> np.ndarray:
         """Return the rigid motion along or about an axis (n_field,) at the owned nodes."""
-        owned = self.forms.space.dofmap.index_map.size_local
-        at = self.forms.space.tabulate_dof_coordinates()[:owned]
-        values = np.zeros((owned, len(self.forms.components)))
-        for column, name in enumerate(self.forms.components):
+        owned = self.compiled.space.dofmap.index_map.size_local
+        at = self.compiled.space.tabulate_dof_coordinates()[:owned]
+        values = np.zeros((owned, len(self.compiled.components)))
+        for column, name in enumerate(self.compiled.components):
             axis = AXES.index(name[1:])
             if axis >= TRANSLATIONS or motion < TRANSLATIONS:
                 values[:, column] = rigid_value(at[0], axis, motion, center) if owned else 0.0
@@ -84,14 +84,14 @@ class FullSpace:
 
     def pressure(self, pressure: Pressure) -> np.ndarray:
         """Return the load vector (n_field,) of a pressure (collective)."""
-        value = self.forms.value
+        value = self.compiled.value
         assert value is not None
         value.x.array[:] = 0.0 if pressure.group else pressure.value
         if pressure.group:
             value.x.array[self.tagged.cells(pressure.group)] = pressure.value
-        vector = assemble_vector(self.forms.pressure)
+        vector = assemble_vector(self.compiled.pressure)
         vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-        owned = self.forms.space.dofmap.index_map.size_local * len(self.forms.components)
+        owned = self.compiled.space.dofmap.index_map.size_local * len(self.compiled.components)
         values: np.ndarray = vector.array_r[:owned].copy()
         vector.destroy()
         return values

@@ -8,6 +8,22 @@ import numpy as np
 from petsc4py import PETSc
 from scipy import sparse
 
+from uplift.forms.contact.supports import AXES
+
+
+class NodeDofs:
+    """Dofs of a space whose nodes all have the same components."""
+
+    def __init__(self, components: tuple[str, ...]) -> None:
+        """Take the components of a node in their order, such as DX and DRZ."""
+        self.column = {axis: components.index(f"D{name}") for axis, name in enumerate(AXES) if f"D{name}" in components}
+        """Column of each axis that the space has a component along or about."""
+        self._block = len(components)
+
+    def dof(self, node: int, axis: int) -> int:
+        """Return the dof of the space that is the component along or about `axis` of a node."""
+        return self._block * node + self.column[axis]
+
 
 class Numbering:
     """The rows of a system made of the dofs of a function space, less the restrained ones, plus extra dofs.

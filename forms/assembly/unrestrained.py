@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from uplift.forms.contact.joints import foot_middle, resultants_of
+from uplift.forms.assembly.compiled_forms import CompiledForms
+from uplift.forms.contact.rigid_motions import foot_middle, resultants_of
 from uplift.forms.contact.supports import AXES
 from uplift.forms.parameters import PlateModel
 from uplift.meshes.tagged import extent_of
@@ -19,17 +18,17 @@ MOTIONS = {
 """Rigid motions of each kinematics, in words."""
 
 
-def free_motions(forms: Any, model: PlateModel, held: np.ndarray) -> tuple[str, ...]:
+def free_motions(compiled: CompiledForms, model: PlateModel, held: np.ndarray) -> tuple[str, ...]:
     """Return in words the rigid motions that no spring resists with all contacts closed, however weakly (collective).
 
     `held` are the dofs of this rank's nodes that conditions hold. Nothing is returned for a plate that is held.
     """
-    words, center = MOTIONS[forms.kind], foot_middle(model)
+    words, center = MOTIONS[compiled.kind], foot_middle(model)
     picked = list(words)
-    at = forms.space.tabulate_dof_coordinates()
-    reach = extent_of(at, forms.space.mesh.comm)
+    at = compiled.space.tabulate_dof_coordinates()
+    reach = extent_of(at, compiled.space.mesh.comm)
     scale = np.where(np.array(picked) < 3, 1.0, 1.0 / reach)
-    present = [AXES.index(name[1:]) for name in forms.components]
+    present = [AXES.index(name[1:]) for name in compiled.components]
     resisted = np.zeros((len(picked), len(picked)))
 
     def resist(point: np.ndarray, axis: int) -> None:
@@ -38,7 +37,7 @@ def free_motions(forms: Any, model: PlateModel, held: np.ndarray) -> tuple[str, 
 
     for dof in held:
         resist(at[dof // len(present)], present[dof % len(present)])
-    resisted[:] = sum(forms.space.mesh.comm.allgather(resisted))
+    resisted[:] = sum(compiled.space.mesh.comm.allgather(resisted))
     for spring in model.springs:
         for axis in present:
             if spring.stiffness[axis] > 0:

@@ -31,8 +31,3 @@ def stiffness(u: Any, v: Any, material: Any, dx: Any) -> Any:
 def mass(u: Any, v: Any, material: Any, dx: Any) -> Any:
     """Return the consistent mass."""
     return material.density * material.thickness * ufl.inner(u, v) * dx
-
-
-def inertia(direction: Any, v: Any, material: Any, dx: Any) -> Any:
-    """Return the virtual work of a body force rho t d, the mass times the unit acceleration `direction` (2,)."""
-    return material.density * material.thickness * ufl.inner(direction, v) * dx

@@ -215,16 +215,6 @@ def rotary_inertia(theta: Any, psi: Any, material: Any, facet: Facet, dx: Any) -
     return material.density * material.thickness**3 / 12 * ufl.inner(facet.tilt(theta), facet.tilt(psi)) * dx
 
 
-def inertia(direction: Any, v: Any, material: Any, dx: Any) -> Any:
-    """Return the virtual work of a body force rho t d, the mass times the unit acceleration `direction` (3,)."""
-    return material.density * material.thickness * ufl.inner(direction, v) * dx
-
-
-def surface_load(load: Any, v: Any, dx: Any) -> Any:
-    """Return the virtual work of the force per area `load` (3,) in Pa, in global axes."""
-    return ufl.inner(load, v) * dx
-
-
 def pressure(value: Any, v: Any, facet: Facet, dx: Any) -> Any:
     """Return the virtual work of the pressure `value` in Pa, positive along n (the side that n leaves is pressed)."""
     return ufl.inner(value * facet.normal, v) * dx

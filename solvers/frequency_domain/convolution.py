@@ -1,4 +1,4 @@
-"""Convolution with a causal kernel, whole or while the input is still being made."""
+"""Convolution with a causal kernel while the input is still being made."""
 
 from __future__ import annotations
 
@@ -6,14 +6,6 @@ from collections.abc import Callable
 
 import numpy as np
 import scipy.fft
-
-
-def convolve(kernel: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Return y_n = sum_{m <= n} kernel_{n-m} values_m, (nt, n_out), for kernel (nt, n_out, n_in) and values (nt, n_in)."""
-    n = len(values)
-    size = scipy.fft.next_fast_len(2 * n, real=True)
-    spectrum = np.einsum("foi,fi->fo", scipy.fft.rfft(kernel, size, axis=0), scipy.fft.rfft(values, size, axis=0))
-    return scipy.fft.irfft(spectrum, size, axis=0)[:n]
 
 
 class OnlineConvolution:

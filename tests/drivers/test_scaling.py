@@ -23,7 +23,7 @@ def test_page_extrapolates_what_was_measured():
         {name: Measured(n, 10, s * n / 1000, s * n / 1000, 1.0, 2.0**30) for name, s in zip(LAYOUTS, (8, 4, 6), strict=True)}
         for n in (1000, 10_000)
     ]
-    text = page(rows, ["| dofs | basis |", "|---:|---:|", "| 17 | 61 |"], ["| dofs |", "|---:|", "| 19 |"])
+    text = page(rows, ["| dofs | basis |", "|---:|---:|", "| 17 | 61 |"], ["| dofs |", "|---:|", "| 19 |"], "python3 -m drivers scale")
     assert "| 10,000 | 10 | 80.00 (80.00) | 40.00 (40.00) | 60.00 (60.00) | 0.50 (0.50) | 0.75 (0.75) |" in text
     assert "p = 1.00 (1 rank)" in text
     # 200 ranks take 1,000 frequencies in 5 turns, each as long as two frequencies of a busy pair.

@@ -7,7 +7,7 @@ from tests.small import quadrilateral_matrices, to_dense
 from uplift.drivers.analysis.assembled_scene import prepare
 from uplift.forms.contact.supports import Spring, Support
 from uplift.forms.loads.signals import Constant
-from uplift.forms.parameters import GroundMotion, PlateModel, Probe
+from uplift.forms.parameters import GroundMotion, Part, PlateModel, Probe
 from uplift.forms.shells.kinematics import Kinematics
 from uplift.forms.shells.material import Material
 from uplift.meshes.checked import ModelError
@@ -168,3 +168,23 @@ def test_a_model_without_loads_has_none(comm, sdls119a):
     with prepare(replace(sdls119a, model=motion), comm) as assembly:
         total = comm.allreduce(float(np.sum(assembly.operators.loads[0].vector.array)))
         assert total == pytest.approx(-32 * 0.5 * 2000.0, rel=1e-12)
+
+
+MATERIAL = Material(young=2e10, poisson=0.2, density=2500.0, thickness=1.0)
+
+
+@pytest.mark.parametrize(
+    ("key", "make"),
+    [
+        ("direction", lambda: GroundMotion((0.0, 0.0), Constant(1.0))),
+        ("direction", lambda: GroundMotion((float("nan"),), Constant(1.0))),
+        ("center", lambda: GroundMotion((0, 0, 0, 1.0), Constant(1.0), (0.0, float("inf")))),
+        ("group", lambda: Part("", MATERIAL)),
+        ("gravity", lambda: PlateModel(MATERIAL, gravity=float("inf"))),
+        ("up", lambda: PlateModel(MATERIAL, up="-Z")),
+    ],
+)
+def test_parameters_refuse_what_has_no_meaning(key, make):
+    with pytest.raises(ModelError) as error:
+        make()
+    assert error.value.key == key

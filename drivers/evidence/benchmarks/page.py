@@ -21,12 +21,11 @@ from uplift.drivers.evidence.benchmarks.cases import (
 )
 from uplift.drivers.evidence.benchmarks.runs import LIMIT, Benchmark, Check, Outcome, Runner
 from uplift.drivers.evidence.benchmarks.vibration import harmonic, transient
+from uplift.drivers.evidence.pages import command_line
 from uplift.drivers.evidence.survey.page import provenance
 from uplift.drivers.process import say
 from uplift.drivers.results.folder import all_or_nothing, writable_folder
 from uplift.meshes.checked import ModelError
-
-HERE = Path("docs/benchmarks.md")
 
 BENCHMARKS = (
     Benchmark(
@@ -129,8 +128,8 @@ def benchmarks(comm: Any, out: Path, *, quick: bool) -> bool:
             sections += section(benchmark, outcomes)
         comm.barrier()
     verdict = f"{met} of {number} values meet their limits."
-    words = ["python3 -m drivers benchmarks", *(["--quick"] if quick else []), *([f"--out {out}"] if out != HERE else [])]
-    text = "\n\n".join([*introduction(verdict), *sections, provenance(" ".join(words), comm.size, time.perf_counter() - begin)])
+    command = command_line("benchmarks", out, "benchmarks.md", *["--quick"] * quick)
+    text = "\n\n".join([*introduction(verdict), *sections, provenance(command, comm.size, time.perf_counter() - begin)])
     if comm.rank == 0:
         with all_or_nothing(out.parent) as staging:
             (staging / out.name).write_text(text + "\n", encoding="utf-8")

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from uplift.drivers.evidence.pages import command_line
 from uplift.drivers.evidence.pareto.cases import AS_PUBLISHED, MESH_STEP, Mesh, Run, foot, rectangle, reference_runs, runs
 from uplift.drivers.evidence.pareto.errors import Reference, Trace, errors, extrapolated, extrapolated_twice
 from uplift.drivers.evidence.pareto.orders import observed
@@ -25,7 +26,6 @@ from uplift.drivers.evidence.peers import peers
 from uplift.drivers.process import say
 from uplift.drivers.results.folder import all_or_nothing, writable_folder
 from uplift.drivers.scene.scene import Scene, read_scene
-from uplift.drivers.scene.shipped import REFERENCE
 from uplift.meshes.checked import ModelError
 from uplift.solvers.bases.modes import modes
 from uplift.solvers.errors import SolverError
@@ -45,11 +45,7 @@ class Options:
     @property
     def command(self) -> str:
         """The command that this is."""
-        words = ["python3 -m drivers pareto"]
-        words += [str(self.scene)] if self.scene.resolve() != REFERENCE.resolve() else []
-        words += ["--out", str(self.out)] if self.out != Path("docs/pareto.md") else []
-        words += ["--quick"] * self.quick + ["--peers"] * self.peers
-        return " ".join(words)
+        return command_line("pareto", self.out, "pareto.md", *["--quick"] * self.quick, *["--peers"] * self.peers, scene=self.scene)
 
 
 def pareto(comm: Any, options: Options) -> None:

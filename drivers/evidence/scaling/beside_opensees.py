@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from uplift.drivers.evidence.pages import command_line
 from uplift.drivers.evidence.pareto.cases import MESH_STEP, Mesh
 from uplift.drivers.evidence.peers.peers import OPENSEES, answer_of, misfit, on_points, opensees, problem
 from uplift.drivers.evidence.scaling.reduced import FILE, Reduced, relative
@@ -50,7 +51,7 @@ def compare_with_opensees(scene: Scene, child: Callable[..., dict[str, Any]], ou
     for factor, measured in QUICK if quick else CASES:
         lines.append(_row(scene, child, python, factor, measured))
         say(lines[-1])
-    out.write_text(_page(lines, version, quick), encoding="utf-8")
+    out.write_text(_page(lines, version, command_line("scale", out, "scaling-peers.md", "--peers", *["--quick"] * quick)), encoding="utf-8")
     say(f"page in {out}")
 
 
@@ -73,9 +74,8 @@ def _row(scene: Scene, child: Callable[..., dict[str, Any]], python: str, factor
     )
 
 
-def _page(lines: list[str], version: str, quick: bool) -> str:
+def _page(lines: list[str], version: str, command: str) -> str:
     about = versions()
-    command = "python3 -m drivers scale --peers" + (" --quick" if quick else "")
     return f"""# The reduced run beside OpenSeesPy
 
 The same plate on the same mesh of bilinear cells, on its five supports, steps of {MESH_STEP * 1e3:g} ms by Newmark's method, uplift

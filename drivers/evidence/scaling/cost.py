@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from uplift.drivers.analysis.assembled_scene import AssembledScene, prepare
+from uplift.drivers.evidence.pages import command_line
 from uplift.drivers.process import say
 from uplift.drivers.results.folder import processor, versions, writable_folder
 from uplift.drivers.scene.refinement import finer
@@ -152,7 +153,7 @@ def cost(scene: Scene, comm: Any, out: Path, *, quick: bool, sweep: tuple[tuple[
         say(lines[-1])
     if comm.rank == 0:
         writable_folder(out.absolute().parent)
-        out.write_text(_page(lines, quick), encoding="utf-8")
+        out.write_text(_page(lines, command_line("cost", out, "cost.md", *["--quick"] * quick)), encoding="utf-8")
         say(f"page in {out}")
 
 
@@ -160,9 +161,8 @@ SWEEP_STEPS = 1000
 """Steps of the sweeps that are measured."""
 
 
-def _page(lines: list[str], quick: bool) -> str:
+def _page(lines: list[str], command: str) -> str:
     about = versions()
-    command = "python3 -m drivers cost" + (" --quick" if quick else "")
     return f"""# What exact uplift costs
 
 Every number is wall seconds in one run on one core; only the ratios mean anything on another machine. The linear march keeps every

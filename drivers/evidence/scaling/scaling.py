@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from uplift.drivers.analysis.assembled_scene import prepare
+from uplift.drivers.evidence.pages import command_line
 from uplift.drivers.evidence.scaling.beside_opensees import compare_with_opensees
 from uplift.drivers.evidence.scaling.cost import refined
 from uplift.drivers.evidence.scaling.linear_solvers import WHAT, Solved, measure_solver, solver_rows
@@ -131,7 +132,8 @@ def scaling(path: Path, scene: Scene, out: Path, *, quick: bool) -> None:
     for factor, points in QUICK if quick else CASES:
         rows.append(shortest(path, factor, points, 1 if quick else ROUNDS))
         say(_row(rows[-1]))
-    out.write_text(page(rows, reduced, solvers, quick=quick), encoding="utf-8")
+    command = command_line("scale", out, "scaling.md", *["--quick"] * quick, scene=path)
+    out.write_text(page(rows, reduced, solvers, command, rounds=1 if quick else ROUNDS), encoding="utf-8")
     say(f"page in {out}")
 
 
@@ -168,7 +170,7 @@ def _row(best: dict[str, Measured]) -> str:
     )
 
 
-def page(rows: list[dict[str, Measured]], reduced: Sequence[str], solvers: Sequence[str], *, quick: bool = False) -> str:
+def page(rows: list[dict[str, Measured]], reduced: Sequence[str], solvers: Sequence[str], command: str, *, rounds: int = ROUNDS) -> str:
     """Return the page in Markdown; `reduced` and `solvers` are the lines of the tables of the reduced run and of the solvers."""
     names = list(LAYOUTS)
     dofs = [row[names[0]].dofs for row in rows]
@@ -182,13 +184,12 @@ def page(rows: list[dict[str, Measured]], reduced: Sequence[str], solvers: Seque
     growth = ", ".join(f"{p:.2f} ({name})" for name, p in exponents.items())
     lines = "\n".join
     table = lines([*HEAD, *(_row(row) for row in rows)])
-    command = "python3 -m drivers scale" + (" --quick" if quick else "")
     return f"""# How the sweep grows
 
 Seconds of the direct sweep of the reference scene on finer and finer meshes, the whole of it: dealing out the matrices, one
 factorisation a frequency (complex, L D L^T by MUMPS), one solve for all loads and unit contact forces, their check, gathering. Mesh,
 assembly and start-up are left out. Wall seconds, and in parentheses the processor seconds of the busier rank, which other work on the
-machine disturbs less. The layouts took turns, up to {1 if quick else ROUNDS} time(s) each, and the shortest time counts.
+machine disturbs less. The layouts took turns, up to {rounds} time(s) each, and the shortest time counts.
 
 {table}
 

@@ -7,6 +7,7 @@ import traceback
 from pathlib import Path
 from typing import Any
 
+from uplift.drivers.evidence.pages import command_line
 from uplift.drivers.evidence.stability.bench import Bench, Finding
 from uplift.drivers.evidence.stability.cases import (
     Case,
@@ -46,7 +47,7 @@ def stability(comm: Any, scene: Path, out: Path, *, quick: bool, quiet: bool) ->
         rows.append(tried(bench, case))
         if not quiet:
             say(rows[-1].line())
-    command = f"python3 -m drivers stability{' --quick' if quick else ''}"
+    command = command_line("stability", out, "stability.md", *["--quick"] * quick)
     with all_or_nothing(out.absolute().parent) as staging:
         (staging / out.name).write_text(page(rows, command, time.perf_counter() - begin), encoding="utf-8")
         (staging / f"{out.stem}.csv").write_text(csv_text(rows), encoding="utf-8")

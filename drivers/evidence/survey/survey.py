@@ -14,6 +14,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from uplift.drivers.evidence.pages import command_line
 from uplift.drivers.evidence.survey.cases import AGREEMENT, CASES, CHATTER, COMMON, QUICK, STIFF, Case, refined
 from uplift.drivers.evidence.survey.page import (
     chatter_section,
@@ -29,7 +30,6 @@ from uplift.drivers.evidence.survey.runs import run_case, run_chatter, run_level
 from uplift.drivers.process import say
 from uplift.drivers.results.folder import all_or_nothing, writable_folder
 from uplift.drivers.scene.scene import Scene, build_scene, read_scene
-from uplift.drivers.scene.shipped import REFERENCE
 from uplift.drivers.scene.vary import varied
 from uplift.meshes.checked import ModelError
 
@@ -99,8 +99,4 @@ def _check(scene: Scene, out: Path) -> None:
 
 
 def _command(path: Path, out: Path, quick: bool) -> str:
-    words = ["python3 -m drivers survey"]
-    words += [str(path)] if path.resolve() != REFERENCE.resolve() else []
-    words += ["--out", str(out)] if out != Path("docs/uplift.md") else []
-    words += ["--quick"] if quick else []
-    return " ".join(words)
+    return command_line("survey", out, "uplift.md", *["--quick"] * quick, scene=path)
