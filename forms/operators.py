@@ -9,7 +9,7 @@ on a basis is an `Operators` again: its dofs are the coordinates of the basis, a
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -158,6 +158,10 @@ class Outputs:
         """Return the sum over ranks of shares of any shape (collective)."""
         return _sum_over_ranks(partial, self.comm)
 
+    def linear(self, name: str, values: np.ndarray) -> np.ndarray:
+        """Return the linear parts (n, ...) of one group for this rank's part (n_local, ...) of solutions (collective)."""
+        return self.total(self[name].local @ values)
+
     def values(self, linear: np.ndarray, support_force: np.ndarray) -> np.ndarray:
         """Return the outputs (nt, n_rows) from their linear parts (nt, n_rows) and the support forces (nt, n_channels) N."""
         whole = linear.copy()
@@ -205,15 +209,14 @@ class Operators:
     reduction: Reduction | None = None
     """None where the dofs are those of the model itself."""
 
-    @property
-    def n(self) -> int:
-        """Number of dofs."""
-        return int(self.stiffness.getSize()[0])
+    n: int = field(init=False)
+    """Number of dofs."""
+    n_local: int = field(init=False)
+    """Number of dofs of this rank."""
 
-    @property
-    def n_local(self) -> int:
-        """Number of dofs of this rank."""
-        return int(self.stiffness.getLocalSize()[0])
+    def __post_init__(self) -> None:
+        """Note the sizes, which may be asked for when the matrices are gone."""
+        self.n, self.n_local = int(self.stiffness.getSize()[0]), int(self.stiffness.getLocalSize()[0])
 
     @property
     def probes(self) -> OutputGroup:

@@ -31,7 +31,10 @@ def petsc_matrix(dense):
 
 
 def petsc_vector(values):
-    return PETSc.Vec().createWithArray(np.array(values, dtype=PETSc.ScalarType), comm=MPI.COMM_SELF)
+    # Not createWithArray: PETSc 3.18 takes the norms of a vector that was never written to for known, and zero.
+    vector = PETSc.Vec().createSeq(len(values), comm=MPI.COMM_SELF)
+    vector.array[:] = values
+    return vector
 
 
 def dense_operators(stiffness, mass, damping=None, loads=(), contacts=None):

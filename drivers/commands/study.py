@@ -41,7 +41,7 @@ def command(options: argparse.Namespace, begin: float) -> int:
         from uplift.drivers.studies.variation import run_study, table_lines, write_study
 
         variations = [variation(text) for text in options.vary]
-        columns, rows, facts = run_study(scene, options.scene.parent, variations, options.basis, options.basis_file, comm)
+        columns, rows, facts = run_study(scene, variations, options.basis, options.basis_file, comm)
         if comm.rank == 0:
             write_study(out, columns, rows, facts, len(variations), scene.title, draw=not options.no_plots)
         if not options.quiet:

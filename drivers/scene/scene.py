@@ -10,6 +10,7 @@ from typing import Any
 from uplift.drivers.scene.analysis import Basis, Harmonic, Modal, Output, Run, Transient
 from uplift.drivers.scene.mesh import read_mesh, with_nodes
 from uplift.drivers.scene.model import read_model
+from uplift.drivers.scene.paths import varied
 from uplift.drivers.scene.refinement import finer_to
 from uplift.drivers.scene.toml_table import Table
 from uplift.forms.parameters import PlateModel
@@ -36,6 +37,15 @@ class Scene:
     run: Run
     source: dict[str, Any]
     """The TOML as read, for the record."""
+    folder: Path
+    """That file names in it are relative to."""
+
+    def with_(self, path: str, value: Any) -> Scene:
+        """Return the scene with the value at a dotted path changed, such as supports.RESS.gap; None takes it away (`scene.paths`).
+
+        Raises `ModelError` for a path that leads nowhere and for a value that is refused.
+        """
+        return build_scene(varied(self.source, {path: value}), self.folder)
 
     @property
     def horizon(self) -> float:
@@ -43,8 +53,9 @@ class Scene:
         return max(self.transient.duration if self.transient else 0.0, self.fourier.length if self.fourier else 0.0)
 
 
-def read_scene(path: Path) -> Scene:
+def read_scene(path: Path | str) -> Scene:
     """Read and check a scene file. Raises `ModelError`, its key the path of the offending entry, such as plate.young."""
+    path = Path(path)
     try:
         table = tomllib.loads(path.read_text(encoding="utf-8"))
     except UnicodeDecodeError:
@@ -79,4 +90,7 @@ def build_scene(table: dict[str, Any], folder: Path) -> Scene:
                 raise ModelError(key, f"expected different names, {name!r} is there twice")
     if dofs:
         mesh = finer_to(mesh, kinematics, model, dofs)
-    return Scene(title, with_nodes(mesh, model), model, kinematics, transient, fourier, modal, harmonic, basis, output, run, table)
+    return Scene(
+        title, with_nodes(mesh, model), model, kinematics, transient, fourier, modal, harmonic, basis, output, run, table,
+        folder,
+    )

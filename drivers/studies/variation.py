@@ -92,13 +92,13 @@ def _with_signals(model: Operators, own: Scene, scene: Scene) -> Operators:
 
 
 def run_study(
-    scene: Scene, folder: Path, variations: list[Variation], tolerance: float, path: Path | None, comm: Any
+    scene: Scene, variations: list[Variation], tolerance: float, path: Path | None, comm: Any
 ) -> tuple[list[str], list[list[float]], dict[str, Any]]:
     """Run every case with exact uplift (collective); return the names of the columns, a row for each case and facts for the summary.
 
     A case that has no answer gets a row of nan, and the log says why.
     """
-    cases = cases_of(scene, folder, variations)
+    cases = cases_of(scene, variations)
     begin = time.perf_counter()
     columns: list[str] = []
     rows: list[list[float]] = []

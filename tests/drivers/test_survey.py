@@ -17,9 +17,9 @@ from uplift.drivers.analysis.assembled_scene import prepare
 from uplift.drivers.evidence.survey import runs as survey_runs
 from uplift.drivers.evidence.survey import survey
 from uplift.drivers.evidence.survey.cases import CASES, COMMON, Case
+from uplift.drivers.scene.paths import varied
 from uplift.drivers.scene.request import Request
 from uplift.drivers.scene.scene import build_scene
-from uplift.drivers.scene.vary import varied
 from uplift.forms.loads.signals import Ricker
 from uplift.meshes.checked import ModelError
 from uplift.solvers.contact.published_passes import Passes
@@ -101,7 +101,7 @@ def test_variations_change_what_they_name_and_nothing_else(sdls119a):
     assert scenes["no gravity"].model.gravity == 0.0
     penalty = scenes["penalty 1e13 N/m"].model.supports[0]
     assert (penalty.stiffness[:2], penalty.contact[:2]) == ((1e13, 1e8), (1e13, 1e13))
-    with pytest.raises(ModelError, match="the survey varies it"):
+    with pytest.raises(ModelError, match="no such value to begin from"):
         varied({"plate": {}}, {"plate.young": lambda old: 10 * old})
     odd = Case("odd", {"plate.young": -1.0})
     fitting, left_out = survey.fitting_cases(

@@ -43,8 +43,8 @@ def test_weight_and_ground_motion_are_mass_times_acceleration(assembly):
 @pytest.mark.both
 def test_static_answer_of_the_reference_case(assembly):
     with static_state(assembly.operators) as state:
-        probes = assembly.operators.probes
-        here = probes.total(probes.partial(np.real(state.displacement.array_r)))
+        outputs = assembly.operators.outputs
+        here = outputs.linear("probes", np.real(state.displacement.array_r))
         contacts = assembly.operators.contacts
         tension = contacts.law.tension(contacts.elongation.total(contacts.elongation.partial(np.real(state.displacement.array_r))))
     # DY as printed by the source to eight digits; DX, a thousandth of it, keeps fewer there.
@@ -138,9 +138,9 @@ def test_probe_between_nodes_interpolates(sdls119a, comm):
         x = assembly.plate.space.tabulate_dof_coordinates()[: numbering.n_field // 2]
         bilinear = np.stack([1 + 2 * x[:, 0] + 3 * x[:, 1], x[:, 0] - x[:, 1]], axis=1)
         values = numbering.vector(bilinear.ravel()).array
-        functionals = assembly.operators.probes
-        assert functionals.names == ("A.DX", "A.DY", "B.DX", "B.DY")
-        here = functionals.total(functionals.partial(values))
+        outputs = assembly.operators.outputs
+        assert outputs["probes"].names == ("A.DX", "A.DY", "B.DX", "B.DY")
+        here = outputs.linear("probes", values)
         assert np.allclose(here, [1 + 2.6 + 7.8, 1.3 - 2.6, 33.0, -4.0], atol=1e-12)
 
 

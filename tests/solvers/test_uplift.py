@@ -120,8 +120,8 @@ def test_preload_pushes_back(sdls119a, comm):
     support = replace(sdls119a.model.supports[0], preload=1e5)
     model = replace(sdls119a.model, supports=(support,), gravity=0.0, motions=(), springs=())
     with prepare(replace(sdls119a, model=model), comm) as assembly, static_state(assembly.operators, exact_uplift=True) as state:
-        probes = assembly.operators.probes
-        here = probes.total(probes.partial(np.real(state.displacement.array_r)))
+        outputs = assembly.operators.outputs
+        here = outputs.linear("probes", np.real(state.displacement.array_r))
     assert here[1] == pytest.approx(1e5 * support.flexibility(1), rel=1e-6)
 
 
@@ -164,8 +164,8 @@ def test_a_plate_that_its_weight_tips_or_lifts_off_is_refused(sdls119a, comm, po
         static_state(assembly.operators, exact_uplift=True)
     held = replace(model, springs=sdls119a.model.springs)
     with prepare(replace(sdls119a, model=held), comm) as assembly, static_state(assembly.operators, exact_uplift=True) as state:
-        probes = assembly.operators.probes
-        height = probes.total(probes.partial(np.real(state.displacement.array_r)))[1]
+        outputs = assembly.operators.outputs
+        height = outputs.linear("probes", np.real(state.displacement.array_r))[1]
     # The two springs of 1 N/m on top carry what the supports do not.
     assert abs(height) > 1e4
 

@@ -21,9 +21,9 @@ from petsc4py import PETSc
 from uplift.drivers.analysis.analyse import analyse
 from uplift.drivers.analysis.assembled_scene import Analysis, AssembledScene, prepare
 from uplift.drivers.evidence.stability.oracle import EXTENDED, DensePlate, Motion
+from uplift.drivers.scene.paths import varied
 from uplift.drivers.scene.request import Request
 from uplift.drivers.scene.scene import Scene, build_scene
-from uplift.drivers.scene.vary import varied
 from uplift.solvers.history import History
 from uplift.solvers.linear import DirectSolver
 from uplift.solvers.time_domain.initial import static_state
@@ -107,8 +107,7 @@ class Bench:
         model = DensePlate(scene)
         there = model.static()[0][model.probed].astype(float)
         with self.assembly(changes) as assembly, static_state(assembly.operators, exact_uplift=True) as state:
-            outputs = assembly.operators.outputs
-            here = outputs.total(outputs.partial(np.real(state.displacement.array_r)))[outputs.layout["probes"]]
+            here = assembly.operators.outputs.linear("probes", np.real(state.displacement.array_r))
             scaled = condition(assembly.operators.stiffness, scaled=True)
             lost = assembly.operators.n * float(np.finfo(float).eps) * scaled
         return Finding(relative(here, there), f"scaled condition 1e{math.log10(scaled):.0f}", limit=lost)

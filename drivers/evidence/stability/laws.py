@@ -14,9 +14,9 @@ from uplift.drivers.analysis.analyse import analyse
 from uplift.drivers.analysis.assembled_scene import prepare
 from uplift.drivers.evidence.stability.bench import Bench, Finding, condition, contact_forces, relative, warnings
 from uplift.drivers.evidence.stability.oracle import EXTENDED, DensePlate
+from uplift.drivers.scene.paths import varied
 from uplift.drivers.scene.request import Request
 from uplift.drivers.scene.scene import build_scene
-from uplift.drivers.scene.vary import varied
 from uplift.forms.operators import Operators
 from uplift.solvers.linear import DirectSolver
 from uplift.solvers.time_domain.initial import static_state

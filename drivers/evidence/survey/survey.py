@@ -29,8 +29,8 @@ from uplift.drivers.evidence.survey.page import (
 from uplift.drivers.evidence.survey.runs import run_case, run_chatter, run_level
 from uplift.drivers.process import say
 from uplift.drivers.results.folder import all_or_nothing, writable_folder
+from uplift.drivers.scene.paths import varied
 from uplift.drivers.scene.scene import Scene, build_scene, read_scene
-from uplift.drivers.scene.vary import varied
 from uplift.meshes.checked import ModelError
 
 
