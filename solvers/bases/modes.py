@@ -67,6 +67,14 @@ class SturmCount:
         """Number of eigenvalues in the range."""
         return self.below_upper - self.below_lower
 
+    def holds(self, values: np.ndarray) -> np.ndarray:
+        """Tell which of the computed eigenvalues (n,) belong to the range, (n,) of bool.
+
+        Where none was counted below the range, one that lies there was put there by round-off: eigenvalues of rigid-body modes
+        are small numbers of either sign.
+        """
+        return (values < self.upper) & ((values > self.lower) | (self.below_lower == 0))
+
 
 @dataclass(frozen=True)
 class Modes:
@@ -192,7 +200,7 @@ def _in_band(
         named = " and ".join(f"{f:.6g} Hz" for f in np.sqrt(np.maximum(near, 0)) / (2 * np.pi))
         raise ModelError("band", f"there is no mode between {low:g} and {high:g} Hz; the nearest are at {named}")
     values, vectors = _nearest(operators, _aim(sturm, shift), sturm.inside, prefix)
-    inside = (values > lower) & (values < upper)
+    inside = sturm.holds(values)
     return sturm.inside, sturm, values[inside], vectors[:, inside]
 
 
@@ -201,18 +209,22 @@ def _with_missing(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Search again, away from the modes found, for as many as the count says are missing; raise `SolverError` if some remain.
 
-    A Krylov space holds one vector of each multiple eigenvalue, and owes the others to round-off.
+    A Krylov space holds one vector of each multiple eigenvalue, and owes the others to round-off. Beside a singular stiffness the count
+    itself is round-off, so that rigid-body modes among those found are what is wrong.
     """
     for _ in range(3):
         missing = sturm.inside - len(values)
         if missing <= 0:
             break
         more, columns = _nearest(operators, _aim(sturm, shift), missing, prefix, away_from=vectors)
-        inside = (more > sturm.lower) & (more < sturm.upper)
+        inside = sturm.holds(more)
         order = np.argsort(np.concatenate([values, more[inside]]))
         values = np.concatenate([values, more[inside]])[order]
         vectors = np.hstack([vectors, columns[:, inside]])[:, order]
     if len(values) != sturm.inside:
+        rigid = _strain(operators, vectors, apply(operators.stiffness, vectors)) < NO_STRAIN
+        if rigid.any() and shift == 0:
+            raise _unheld(int(rigid.sum()))
         f_low, f_high = (np.sqrt(max(end, 0.0)) / (2 * np.pi) for end in (sturm.lower, sturm.upper))
         raise SolverError(
             f"{len(values)} modes were found between {f_low:g} and {f_high:g} Hz, and {sturm.inside} are there by Sturm count"
@@ -232,9 +244,9 @@ def _checked(operators: Operators, values: np.ndarray, vectors: np.ndarray, stur
     own_stiffness, own_mass = (_diagonal(matrix)[:, None] for matrix in (operators.stiffness, operators.mass))
 
     def column_sums(array: np.ndarray) -> np.ndarray:
-        return inner(np.ones((len(array), 1)), array, comm)[0]
+        return _column_sums(array, comm)
 
-    strain = np.abs(column_sums(vectors * stiff)) / column_sums(own_stiffness * vectors**2)
+    strain = _strain(operators, vectors, stiff)
     rigid = strain < NO_STRAIN
     if rigid.any() and shift == 0:
         raise _unheld(int(rigid.sum()))
@@ -263,6 +275,16 @@ def _checked(operators: Operators, values: np.ndarray, vectors: np.ndarray, stur
         sturm.inside, sturm.inside, np.sqrt(sturm.upper) / (2 * np.pi), worst, orthonormality,
     )
     return found
+
+
+def _column_sums(array: np.ndarray, comm: Any) -> np.ndarray:
+    return inner(np.ones((len(array), 1)), array, comm)[0]
+
+
+def _strain(operators: Operators, vectors: np.ndarray, stiff: np.ndarray) -> np.ndarray:
+    """Return the strain energy of each vector as a part of what its nodes would have one by one, (n_modes,); `stiff` is K `vectors`."""
+    one_by_one = _column_sums(_diagonal(operators.stiffness)[:, None] * np.abs(vectors) ** 2, operators.comm)
+    return np.abs(_column_sums(vectors.conj() * stiff, operators.comm)) / np.real(one_by_one)
 
 
 def _unheld(count: int) -> SolverError:

@@ -89,8 +89,16 @@ def test_independent_model_gives_the_converged_values_of_the_reference_case(sdls
 def test_algebra_of_the_independent_model(precision):
     rng = np.random.default_rng(3)
     root = rng.normal(size=(6, 6))
-    matrix = (root @ root.T + np.eye(6)) * np.logspace(0, 6, 6) * np.logspace(0, 6, 6)[:, None]
-    assert solver(matrix.astype(precision))(np.eye(6).astype(precision)).astype(float) @ matrix == pytest.approx(np.eye(6), abs=1e-9)
+    size = np.logspace(0, 6, 6)
+    scaled = root @ root.T + np.eye(6)
+    matrix = scaled * size * size[:, None]
+    # Cholesky's error is that of the matrix scaled to a unit diagonal, whatever its size (Demmel 1989; Higham, section 10.1): a residual
+    # of some (3 n + 1) n units of round-off times the condition of that matrix, rows and columns scaled back.
+    unit = np.sqrt(np.diag(scaled))
+    limit = 19 * 6 * np.finfo(float).eps * np.linalg.cond(scaled / unit / unit[:, None])
+    answers = solver(matrix.astype(precision))(np.eye(6).astype(precision)).astype(float)
+    rest = (answers @ matrix - np.eye(6)) * size[:, None] / size
+    assert np.max(np.abs(rest * unit[:, None] / unit)) < limit
     rest = inverse(matrix.astype(EXTENDED)) @ matrix - np.eye(6)
     assert np.max(np.abs(rest)) < 1e-12 or np.finfo(EXTENDED).eps > 1e-17
     law = root @ root.T + 0.1 * np.eye(6)

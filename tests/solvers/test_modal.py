@@ -15,6 +15,7 @@ from tests.small import contact_on, dense_operators, marched, to_dense
 from uplift.drivers.analysis.assembled_scene import prepare
 from uplift.drivers.scene.scene import build_scene
 from uplift.meshes.checked import ModelError
+from uplift.solvers.bases import modes as module
 from uplift.solvers.bases.basis import Basis
 from uplift.solvers.bases.modes import effective_masses, modes
 from uplift.solvers.bases.project import project
@@ -185,6 +186,19 @@ def test_two_masses_that_nothing_holds():
     np.testing.assert_allclose(found.eigenvalues, [0.0, 4.5], rtol=1e-14)
     np.testing.assert_allclose(same.eigenvalues, [0.0, 4.5], rtol=1e-14)
     np.testing.assert_allclose(found.basis.vectors[:, 0], 3**-0.5, rtol=1e-14)
+
+
+@pytest.mark.parametrize("computed", [-1e-15, 1e-15])
+def test_a_rigid_motion_is_named_whichever_sign_round_off_gives_its_eigenvalue(monkeypatch, computed):
+    """Both the count at 0 and the eigenvalue are round-off then; whether another mode is lost as well, it is the rigid one that counts."""
+    rigid = np.array([[3**-0.5], [3**-0.5]])
+    with dense_operators([[3.0, -3.0], [-3.0, 3.0]], np.diag([1.0, 2.0])) as operators:
+        monkeypatch.setattr(module, "_nearest", lambda *_, **options: (
+            (np.zeros(0), np.zeros((2, 0))) if "away_from" in options else (np.array([computed]), rigid)))
+        for counted in (1, 2):
+            monkeypatch.setattr(module, "_count_below", lambda _, value, counted=counted: counted if value > 0 else 0)
+            with pytest.raises(SolverError, match="rigid-body modes or mechanisms.*negative shift"):
+                modes(operators, band=(0.0, 1.0))
 
 
 def test_errors_say_what_is_wrong(reference):
