@@ -91,3 +91,29 @@ def test_values_that_are_not_finite_end_the_run():
     problem = ContactProblem(UpliftLaw(np.ones(1), np.ones(1)), np.array([[0.5]]))
     with pytest.raises(SolverError, match="no longer finite"):
         problem.solve(np.array([np.nan]), np.zeros(1))
+
+
+@pytest.mark.parametrize("least", [0.3, 1e-6, 1e-15, 0.0])
+def test_least_stiffness_is_the_smallest_singular_value(least):
+    rng = np.random.default_rng(3)
+    turned, _ = np.linalg.qr(rng.standard_normal((40, 40)))
+    left = turned @ np.diag([least, *np.linspace(0.5, 1.0, 39)]) @ turned.T
+    compliance = np.eye(60)
+    compliance[:40, :40] -= left
+    problem = ContactProblem(UpliftLaw(np.ones(60), np.ones(60)), compliance)
+    found = problem.least_stiffness(np.arange(60) < 40)
+    assert found == pytest.approx(least, rel=0.05) if least > 1e-12 else found < 1e-12
+
+
+def test_factors_of_many_sets_stay_within_their_memory(monkeypatch):
+    n = 60
+    monkeypatch.setattr("uplift.solvers.contact.step.KEPT_FACTORS", 10 * 8 * n * n)
+    compliance, law = springs(np.random.default_rng(5), n, np.ones(n))
+    problem = ContactProblem(law, compliance)
+    rng = np.random.default_rng(6)
+    for _ in range(50):
+        tension = rng.standard_normal(n)
+        release = problem.solve(tension, np.zeros(n))
+        net = tension + (compliance - np.eye(n)) @ release
+        assert np.max(net) < 1e-9 and np.min(release) >= 0 and np.max(np.abs(net * release)) < 1e-9
+        assert sum(factor.nbytes for _, factor, _ in problem._factors.values()) <= 10 * 8 * n * n
