@@ -24,7 +24,8 @@ from mpi4py import MPI
 from uplift.forms.operators import Operators
 from uplift.meshes.checked import ModelError
 from uplift.solvers.bases.basis import Basis, Projected, apply, inner
-from uplift.solvers.bases.krylov import Growth, KrylovBasis
+from uplift.solvers.bases.estimator import Growth
+from uplift.solvers.bases.krylov import KrylovBasis
 from uplift.solvers.bases.settings import KrylovSettings
 from uplift.solvers.dense import solve_definite
 

@@ -12,7 +12,8 @@ from uplift.drivers.analysis.assembled_scene import AssembledScene
 from uplift.drivers.scene.scene import Scene
 from uplift.meshes.checked import ModelError
 from uplift.meshes.tagged import extent_of
-from uplift.solvers.bases.modes import Modes, dofs_with_mass, modes
+from uplift.solvers.bases.modes import Modes, modes
+from uplift.solvers.bases.pencil import dofs_with_mass
 from uplift.solvers.errors import SolverError
 
 USUAL = 20

@@ -24,7 +24,8 @@ from uplift.forms.operators import Operators
 from uplift.meshes.checked import ModelError
 from uplift.meshes.findings import say
 from uplift.solvers.bases.basis import Basis
-from uplift.solvers.bases.modes import Modes, dofs_with_mass
+from uplift.solvers.bases.modes import Modes
+from uplift.solvers.bases.pencil import dofs_with_mass
 from uplift.solvers.bases.project import project
 from uplift.solvers.bases.static_answers import with_static_answers
 from uplift.solvers.errors import SolverError

@@ -19,18 +19,19 @@ from typing import Any
 
 import numpy as np
 from petsc4py import PETSc
-from scipy import linalg, sparse
-from scipy.linalg import lapack
 from slepc4py import SLEPc
 
 from uplift.forms.operators import Operators
 from uplift.meshes.checked import ModelError
 from uplift.solvers.bases.basis import Basis, apply, inner
+from uplift.solvers.bases.dense_modes import nearest_by_jacobi
+from uplift.solvers.bases.pencil import diagonal_of, dofs_with_mass, unheld
+from uplift.solvers.bases.sturm import SturmCount, count_below
 from uplift.solvers.errors import SolverError
 
 log = logging.getLogger(__name__)
 
-DENSE = 1200
+MAX_DENSE_DOFS = 1200
 """Up to this many dofs (then 16 s) a request for more than half of the modes is answered by dense algebra."""
 
 CLOSE = 1e-6
@@ -51,29 +52,6 @@ to 1.9 units, whatever the mesh. Their eigenvalues are good to one unit, 1e-5 in
 
 ORTHONORMALITY_LIMIT = 1e-8
 """Largest admissible entry of |V^T M V - I|; sound modes stay below 1e-12."""
-
-
-@dataclass(frozen=True)
-class SturmCount:
-    """Numbers of eigenvalues below the two ends of a range, in rad2/s2, from the inertia of K - end * M."""
-
-    lower: float
-    upper: float
-    below_lower: int
-    below_upper: int
-
-    @property
-    def inside(self) -> int:
-        """Number of eigenvalues in the range."""
-        return self.below_upper - self.below_lower
-
-    def holds(self, values: np.ndarray) -> np.ndarray:
-        """Tell which of the computed eigenvalues (n,) belong to the range, (n,) of bool.
-
-        Where none was counted below the range, one that lies there was put there by round-off: eigenvalues of rigid-body modes
-        are small numbers of either sign.
-        """
-        return (values < self.upper) & ((values > self.lower) | (self.below_lower == 0))
 
 
 @dataclass(frozen=True)
@@ -162,9 +140,9 @@ def _lowest(
     available = dofs_with_mass(operators)
     if not 1 <= number <= available:
         raise ModelError("number", f"expected >= 1 and <= {available}, the dofs that have mass, got {number}")
-    below = _count_below(operators, shift)
+    below = count_below(operators, shift)
     if below:
-        raise _unheld(below)
+        raise unheld(below)
     reach = number
     while True:
         reach = min(available, reach + max(4, reach // 8))
@@ -177,7 +155,7 @@ def _lowest(
         if reach == available:
             kept, upper = available, 2 * values[-1]
             break
-    sturm = SturmCount(shift, float(upper), 0, _count_below(operators, upper))
+    sturm = SturmCount(shift, float(upper), 0, count_below(operators, upper))
     return number, sturm, values[:kept], vectors[:, :kept]
 
 
@@ -191,10 +169,10 @@ def _in_band(
     lower, upper = ((2 * np.pi * f) ** 2 for f in band)
     if low == 0:
         lower = shift
-    below = _count_below(operators, lower)
+    below = count_below(operators, lower)
     if low == 0 and below:
-        raise _unheld(below)
-    sturm = SturmCount(lower, upper, below, _count_below(operators, upper))
+        raise unheld(below)
+    sturm = SturmCount(lower, upper, below, count_below(operators, upper))
     if sturm.inside == 0:
         near, _ = _nearest(operators, (lower + upper) / 2, min(2, dofs_with_mass(operators)), prefix)
         named = " and ".join(f"{f:.6g} Hz" for f in np.sqrt(np.maximum(near, 0)) / (2 * np.pi))
@@ -224,7 +202,7 @@ def _with_missing(
     if len(values) != sturm.inside:
         rigid = _strain(operators, vectors, apply(operators.stiffness, vectors)) < NO_STRAIN
         if rigid.any() and shift == 0:
-            raise _unheld(int(rigid.sum()))
+            raise unheld(int(rigid.sum()))
         f_low, f_high = (np.sqrt(max(end, 0.0)) / (2 * np.pi) for end in (sturm.lower, sturm.upper))
         raise SolverError(
             f"{len(values)} modes were found between {f_low:g} and {f_high:g} Hz, and {sturm.inside} are there by Sturm count"
@@ -241,7 +219,7 @@ def _checked(operators: Operators, values: np.ndarray, vectors: np.ndarray, stur
     """Measure residuals, orthonormality and damping, tell rigid bodies from modes, and log the result."""
     comm = operators.comm
     stiff, mass = apply(operators.stiffness, vectors), apply(operators.mass, vectors)
-    own_stiffness, own_mass = (_diagonal(matrix)[:, None] for matrix in (operators.stiffness, operators.mass))
+    own_stiffness, own_mass = (diagonal_of(matrix)[:, None] for matrix in (operators.stiffness, operators.mass))
 
     def column_sums(array: np.ndarray) -> np.ndarray:
         return _column_sums(array, comm)
@@ -249,7 +227,7 @@ def _checked(operators: Operators, values: np.ndarray, vectors: np.ndarray, stur
     strain = _strain(operators, vectors, stiff)
     rigid = strain < NO_STRAIN
     if rigid.any() and shift == 0:
-        raise _unheld(int(rigid.sum()))
+        raise unheld(int(rigid.sum()))
     values = np.where(rigid, 0.0, values)
     weight = np.maximum(own_stiffness + values * own_mass, np.finfo(float).tiny)
     size = np.maximum(values, -shift) * np.sqrt(column_sums(mass**2 / weight))
@@ -283,72 +261,8 @@ def _column_sums(array: np.ndarray, comm: Any) -> np.ndarray:
 
 def _strain(operators: Operators, vectors: np.ndarray, stiff: np.ndarray) -> np.ndarray:
     """Return the strain energy of each vector as a part of what its nodes would have one by one, (n_modes,); `stiff` is K `vectors`."""
-    one_by_one = _column_sums(_diagonal(operators.stiffness)[:, None] * np.abs(vectors) ** 2, operators.comm)
+    one_by_one = _column_sums(diagonal_of(operators.stiffness)[:, None] * np.abs(vectors) ** 2, operators.comm)
     return np.abs(_column_sums(vectors.conj() * stiff, operators.comm)) / np.real(one_by_one)
-
-
-def _unheld(count: int) -> SolverError:
-    return SolverError(
-        f"the structure can move without strain: it has at least {count} rigid-body modes or mechanisms, so its stiffness "
-        "is singular. Hold it by springs or supports, or give a negative shift of the size of the lowest eigenvalues (rad2/s2) "
-        "to obtain these modes at 0 Hz"
-    )
-
-
-def dofs_with_mass(operators: Operators) -> int:
-    """Return the number of dofs that have mass, which is the number of modes (collective)."""
-    return int(operators.comm.allreduce(int(np.sum(_diagonal(operators.mass) > 0))))
-
-
-def _diagonal(matrix: Any) -> np.ndarray:
-    diagonal = matrix.getDiagonal()
-    own = np.real(diagonal.array_r).copy()
-    diagonal.destroy()
-    return own
-
-
-def _shifted(operators: Operators, shift: float) -> Any:
-    matrix = operators.stiffness.copy()
-    matrix.axpy(-shift, operators.mass, structure=PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
-    return matrix
-
-
-def _count_below(operators: Operators, value: float) -> int:
-    """Return the number of eigenvalues below `value` in rad2/s2: the negative pivots of L D L^T of K - value M (collective).
-
-    Zero pivots count as negative.
-    """
-    matrix = _shifted(operators, value)
-    if np.issubdtype(PETSc.ScalarType, np.complexfloating):
-        # MUMPS has no inertia in complex arithmetic, PETSc's own factorisation has it on one rank.
-        own = _gathered(matrix)
-        matrix.destroy()
-        matrix = PETSc.Mat().createAIJ(own.shape, csr=(own.indptr, own.indices, own.data), comm=PETSc.COMM_SELF)
-        matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
-        package = "petsc"
-    else:
-        package = "mumps"
-    pc = PETSc.PC().create(matrix.comm)
-    pc.setOperators(matrix)
-    pc.setType("cholesky")
-    pc.setFactorSolverType(package)
-    pc.setFactorPivot(zeropivot=1e-290)  # PETSc's own limit is absolute, whatever the units
-    pc.setFactorSetUpSolverType()
-    if package == "mumps":
-        factor = pc.getFactorMatrix()
-        factor.setMumpsIcntl(13, 1)  # no ScaLAPACK at the root, which would keep its pivots to itself
-        factor.setMumpsIcntl(24, 1)  # zero pivots are detected and counted instead of ending the factorisation
-    try:
-        pc.setUp()
-        negative, zero, _ = pc.getFactorMatrix().getInertia()
-    except PETSc.Error as error:
-        if value <= 0:
-            raise _unheld(1) from error
-        raise SolverError(f"the stiffness shifted by {value:g} rad2/s2 cannot be factorised: it is singular") from error
-    finally:
-        pc.destroy()
-        matrix.destroy()
-    return int(negative + zero)
 
 
 def _nearest(
@@ -358,8 +272,8 @@ def _nearest(
 
     Vectors are M-orthonormal, and complex with complex PETSc. `away_from` (n_local, k) are vectors to stay M-orthogonal to.
     """
-    if away_from is None and operators.n <= DENSE and 2 * number > dofs_with_mass(operators):
-        return _nearest_by_jacobi(operators, shift, number)
+    if away_from is None and operators.n <= MAX_DENSE_DOFS and 2 * number > dofs_with_mass(operators):
+        return nearest_by_jacobi(operators, shift, number)
     eps = SLEPc.EPS().create(operators.comm)
     eps.setOptionsPrefix(prefix)
     eps.setOperators(operators.stiffness, operators.mass)
@@ -396,42 +310,6 @@ def _nearest(
         thing.destroy()
     order = np.argsort(values)
     return values[order], vectors[:, order]
-
-
-def _nearest_by_jacobi(operators: Operators, shift: float, number: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return what `_nearest` does, by dense algebra on every rank.
-
-    With K - sigma M = G G^T and M = L L^T, eigenvalues less sigma are the squared singular values of L^-1 G, whose columns have sizes
-    from 1e2 to 1e9 and are otherwise well conditioned: one-sided Jacobi then gives each singular value to its own last digits.
-    Dofs without mass come first in G, which condenses them. sigma is `shift` if <= 0, else 0: all modes are computed.
-    """
-    sigma = min(shift, 0.0)
-    matrix = _shifted(operators, sigma)
-    K, M = (_gathered(m).toarray().real for m in (matrix, operators.mass))
-    matrix.destroy()
-    order = np.argsort(np.diag(M) > 0, kind="stable")
-    massless = int(np.sum(np.diag(M) <= 0))
-    K, M = (m[np.ix_(order, order)] for m in (K, M))
-    try:
-        G = linalg.cholesky(K, lower=True)
-    except linalg.LinAlgError:
-        raise _unheld(1) from None
-    L = linalg.cholesky(M[massless:, massless:], lower=True)
-    B = linalg.solve_triangular(L, G[massless:, massless:], lower=True)
-    # joba = 2: accuracy for D1 C D2 with any diagonal D1, D2; no left vectors; jobp = 0: no perturbation.
-    singular, _, right, work, _, info = lapack.dgejsv(B, joba=2, jobu=3, jobv=0, jobp=0)
-    if info != 0:
-        raise SolverError(f"the Jacobi iteration for all modes did not converge (gejsv: {info})")
-    singular = singular * (work[0] / work[1])
-    # x = s G^-T v: the back substitution gives small components, such as a contact's elongation, all their digits.
-    tall = np.vstack([np.zeros((massless, len(singular))), right * singular])
-    vectors = np.empty_like(tall)
-    vectors[order] = linalg.solve_triangular(G, tall, lower=True, trans="T")
-    values = singular**2 + sigma
-    nearest = np.argsort(np.abs(values - shift), kind="stable")[:number]
-    nearest = nearest[np.argsort(values[nearest])]
-    start, end = operators.stiffness.getOwnershipRange()
-    return values[nearest], vectors[start:end, nearest]
 
 
 def _real_orthonormal(operators: Operators, values: np.ndarray, vectors: np.ndarray, shift: float) -> np.ndarray:
@@ -475,13 +353,3 @@ def _vector(operators: Operators, values: np.ndarray) -> Any:
     vector = operators.new_vector()
     vector.array[:] = values
     return vector
-
-
-def _gathered(matrix: Any) -> sparse.csr_matrix:
-    """Return the whole of a distributed matrix on every rank (collective)."""
-    indptr, indices, data = matrix.getValuesCSR()
-    own = sparse.csr_matrix((data, indices, indptr), shape=(len(indptr) - 1, matrix.getSize()[1]))
-    parts = matrix.comm.tompi4py().allgather(own)
-    whole = sparse.vstack(parts, format="csr")
-    whole.sort_indices()
-    return whole

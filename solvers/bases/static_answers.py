@@ -8,13 +8,10 @@ import numpy as np
 
 from uplift.forms.operators import Operators
 from uplift.solvers.bases.basis import Basis, apply, inner
+from uplift.solvers.bases.orthonormal import DEPENDENT
 from uplift.solvers.linear import DirectSolver
 
 log = logging.getLogger(__name__)
-
-DEPENDENT = 1e-8
-"""A vector of which less than this part is new, in the norm of the mass, adds no direction to a basis."""
-
 
 def with_static_answers(operators: Operators, basis: Basis, prefix: str = "correction_") -> Basis:
     """Return `basis` followed by the static answers K^-1 f to every load and every unit release force (collective).

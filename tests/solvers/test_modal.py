@@ -196,7 +196,7 @@ def test_a_rigid_motion_is_named_whichever_sign_round_off_gives_its_eigenvalue(m
         monkeypatch.setattr(module, "_nearest", lambda *_, **options: (
             (np.zeros(0), np.zeros((2, 0))) if "away_from" in options else (np.array([computed]), rigid)))
         for counted in (1, 2):
-            monkeypatch.setattr(module, "_count_below", lambda _, value, counted=counted: counted if value > 0 else 0)
+            monkeypatch.setattr(module, "count_below", lambda _, value, counted=counted: counted if value > 0 else 0)
             with pytest.raises(SolverError, match="rigid-body modes or mechanisms.*negative shift"):
                 modes(operators, band=(0.0, 1.0))
 
