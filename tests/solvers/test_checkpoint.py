@@ -10,12 +10,15 @@ import pytest
 from tests.conftest import COMPLEX
 from uplift.meshes.checked import ModelError
 from uplift.solvers import watch as watching
+from uplift.solvers.bases.krylov import krylov_basis
+from uplift.solvers.bases.project import project
+from uplift.solvers.bases.settings import KrylovSettings
 from uplift.solvers.checkpoint import Checkpoint, RowOrder, read_file, write_file
 from uplift.solvers.errors import Stopped
 from uplift.solvers.frequency_domain.harmonic import harmonic_sweep
+from uplift.solvers.time_domain.dense_stepper import DenseStepper
 from uplift.solvers.time_domain.initial import static_state
-from uplift.solvers.time_domain.march import transient
-from uplift.solvers.time_domain.newmark import Newmark
+from uplift.solvers.time_domain.march import stepper_of, transient
 from uplift.solvers.time_domain.scheme import Scheme
 from uplift.solvers.watch import Watch
 
@@ -55,9 +58,13 @@ def stopped_at(moments, run, folder, assembly, monkeypatch):
     return run(Watch(checkpoint=Checkpoint(folder, "this run", comm, labels, seconds=1e9, resume=True)))
 
 
-def test_a_march_that_is_stopped_again_and_again_ends_in_the_same_bits(assembly, shared_path, comm, monkeypatch):
+@pytest.mark.parametrize("in_basis", [False, True])
+def test_a_march_that_is_stopped_again_and_again_ends_in_the_same_bits(assembly, shared_path, comm, monkeypatch, in_basis):
     times = 10 if comm.size == 1 else 2
-    moments = sorted(np.random.default_rng(1).choice(np.arange(2, STEPS - 2), times, replace=False).tolist())
+    monkeypatch.setattr(DenseStepper, "block", 4)  # the ranks meet between blocks
+    moments = sorted(np.random.default_rng(1).choice(np.arange(2, STEPS - 4), times, replace=False).tolist())
+    operators = assembly.operators
+    model = project(operators, krylov_basis(operators, KrylovSettings(tolerance=1e-6))) if in_basis else operators
 
     class Middle:
         """Looks at something that is spread over the ranks."""
@@ -80,10 +87,7 @@ def test_a_march_that_is_stopped_again_and_again_ends_in_the_same_bits(assembly,
     middles = []
 
     def run(watch):
-        with (
-            static_state(assembly.operators, exact_uplift=True) as start,
-            Newmark(assembly.operators, Scheme(), STEP, exact_uplift=True) as method,
-        ):
+        with static_state(model, exact_uplift=True) as start, stepper_of(model, Scheme(), STEP, exact_uplift=True) as method:
             middles.append(Middle())
             history = transient(method, start, STEPS, every=2, energy=True, watcher=middles[-1], watch=watch)
             return history, method.contacts.problem.tries

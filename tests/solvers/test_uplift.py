@@ -6,9 +6,13 @@ import numpy as np
 import pytest
 
 from tests import bouncing
+from tests.small import marched
 from uplift.drivers.analysis.assembled_scene import prepare
 from uplift.drivers.evidence.scaling.cost import on_a_line
 from uplift.meshes.checked import ModelError
+from uplift.solvers.bases.krylov import krylov_basis
+from uplift.solvers.bases.project import project
+from uplift.solvers.bases.settings import KrylovSettings
 from uplift.solvers.contact.published_passes import published_passes
 from uplift.solvers.time_domain.initial import static_state
 from uplift.solvers.time_domain.march import transient
@@ -101,6 +105,20 @@ def test_reactions_are_weight_plus_inertia_and_energy_balances(sdls119a, comm):
     assert np.max(np.abs(ledger.numerical[quiet])) < 1e-9 * np.max(ledger.strain)
     assert np.max(np.abs(ledger.numerical)) < 5e-3 * np.max(ledger.work)
     assert np.min(ledger.damped) >= 0
+
+
+def test_energies_in_a_basis_are_those_in_all_dofs(sdls119a, comm):
+    """The basis meets 1e-9, so energies, which are squares of displacements, agree to some times that."""
+    with prepare(sdls119a, comm) as assembly:
+        operators = assembly.operators
+        with project(operators, krylov_basis(operators, KrylovSettings(tolerance=1e-9))) as small:
+            whole, reduced = (
+                marched(model, Scheme(), DT, 400, static_state(model, exact_uplift=True), exact_uplift=True, energy=True).ledger
+                for model in (operators, small)
+            )
+    assert whole.work.max() > 0
+    for name in ("kinetic", "strain", "springs", "damped", "work", "numerical"):
+        assert np.max(np.abs(getattr(reduced, name) - getattr(whole, name))) < 1e-7 * whole.work.max(), name
 
 
 @pytest.mark.parametrize("gap", [0.005, 0.02])
