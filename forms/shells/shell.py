@@ -157,7 +157,8 @@ def shear(u: Any, theta: Any, v: Any, psi: Any, material: Any, facet: Facet, dx:
     """Return the virtual work of the transverse shear forces of fields of `degree`, free of locking.
 
     Displacement and rotation converge with order 2 at least in the L2 norm, whatever the thickness; with degree + 1 as long
-    as the cells are not larger than the thickness.
+    as the cells are not larger than the thickness. Two fields, their two test fields, material, geometry, measure and degree are eight
+    parameters: forms take what they integrate one by one, trial first.
     """
     rigidity = SHEAR_CORRECTION * shear_rigidity(material)
     if degree == 1:
@@ -200,7 +201,8 @@ def drilling(u: Any, theta: Any, v: Any, psi: Any, material: Any, facet: Facet, 
     """Return the virtual work that ties the rotation about the normal to that of the mid-surface, with stiffness share G t.
 
     After Hughes and Brezzi (On drilling degrees of freedom, CMAME 72, 1989), whose share is 1. Rigid motions cost nothing.
-    A flat mesh normal to an axis needs neither this nor the rotation about that axis.
+    A flat mesh normal to an axis needs neither this nor the rotation about that axis. The parameters are those of `shear`, with the share
+    in place of the degree.
     """
     return share * shear_rigidity(material) * ufl.inner(drilling_strain(u, theta, facet), drilling_strain(v, psi, facet)) * dx
 
