@@ -28,7 +28,7 @@ import ufl
 from uplift.forms.parameters import CONDITIONS
 from uplift.forms.shells.facets import Facet
 from uplift.meshes.checked import ModelError
-from uplift.meshes.compat import vector_space
+from uplift.meshes.compat import Mesh, Space, vector_space
 
 COMPONENTS = ("DX", "DY", "DZ", "DRX", "DRY", "DRZ")
 """Components of a shell: displacements, then rotations about the axes."""
@@ -56,7 +56,7 @@ with 1e-5.
 class ShellSpace:
     """The function space of a shell and the names of its components, blocked by node."""
 
-    space: Any
+    space: Space
     components: tuple[str, ...]
     degree: int
 
@@ -66,7 +66,7 @@ class ShellSpace:
         return tuple(ufl.as_vector([at.get(name, 0) for name in names]) for names in (COMPONENTS[:3], COMPONENTS[3:]))
 
 
-def shell_space(mesh: Any, degree: int, components: tuple[str, ...] | None = None) -> ShellSpace:
+def shell_space(mesh: Mesh, degree: int, components: tuple[str, ...] | None = None) -> ShellSpace:
     """Return the space of `components`; without them of `COMPONENTS` on a mesh in space, of `PLATE_COMPONENTS` on a mesh in the plane.
 
     Raises `ModelError` for a degree that its cells do not have: 1 to 3 on quadrilaterals, 3 on triangles.
