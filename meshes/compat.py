@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 from unittest.mock import patch
 
 import dolfinx
@@ -17,6 +17,16 @@ from dolfinx.io import gmshio
 
 from uplift.meshes.partition import keep_joints_whole, ranks_at_vertices
 
+# The libraries below bring no types: these names say what an argument is to a reader.
+Mesh: TypeAlias = Any
+"""A distributed mesh, `dolfinx.mesh.Mesh`."""
+Space: TypeAlias = Any
+"""A function space, `dolfinx.fem.FunctionSpace`, blocked by node."""
+Mat: TypeAlias = Any
+"""A distributed matrix, `petsc4py.PETSc.Mat`."""
+Vec: TypeAlias = Any
+"""A distributed vector, `petsc4py.PETSc.Vec`."""
+
 # What one release lacks is no error to a type checker that sees the other.
 _fem: Any = dolfinx.fem
 _jit: Any = dolfinx.jit
@@ -26,7 +36,7 @@ _mesh: Any = importlib.import_module("dolfinx.mesh")
 _OLD = hasattr(dolfinx.fem, "VectorFunctionSpace")
 
 
-def vector_space(mesh: Any, degree: int, components: int) -> Any:
+def vector_space(mesh: Mesh, degree: int, components: int) -> Space:
     """Return the continuous Lagrange space of `degree` with `components` values a node."""
     if _OLD:
         return _fem.VectorFunctionSpace(mesh, ("Lagrange", degree), dim=components)
@@ -45,7 +55,7 @@ def form_cache_folder() -> Path:
     return Path((_jit.get_parameters if _OLD else _jit.get_options)()["cache_dir"])
 
 
-def distribute(model: Any, comm: Any, gdim: int) -> tuple[Any, Any, Any]:
+def distribute(model: Any, comm: Any, gdim: int) -> tuple[Mesh, Any, Any]:
     """Turn the gmsh model of rank 0 into a distributed mesh, in the plane (`gdim` 2) or in space (3), with cell and facet tags.
 
     In space, where plates meet along joints, cells are shared out so that no joint comes open (`uplift.meshes.partition`).
@@ -73,12 +83,12 @@ def distribute(model: Any, comm: Any, gdim: int) -> tuple[Any, Any, Any]:
         return gmshio.model_to_mesh(model, comm, 0, gdim=gdim)
 
 
-def piecewise_constant_space(mesh: Any) -> Any:
+def piecewise_constant_space(mesh: Mesh) -> Space:
     """Return the space of functions with one value a cell."""
     return (_fem.FunctionSpace if _OLD else _fem.functionspace)(mesh, ("DG", 0))
 
 
-def geometry_cells(mesh: Any) -> np.ndarray:
+def geometry_cells(mesh: Mesh) -> np.ndarray:
     """Return the geometry nodes of each cell, (cells, nodes a cell), local numbers in the order of dolfinx."""
     nodes = mesh.geometry.dofmap
     if _OLD:
@@ -86,7 +96,7 @@ def geometry_cells(mesh: Any) -> np.ndarray:
     return np.asarray(nodes)
 
 
-def dof_cells(space: Any) -> np.ndarray:
+def dof_cells(space: Space) -> np.ndarray:
     """Return the nodes of the space in each cell, (cells, nodes a cell), local numbers in the order of dolfinx."""
     nodes = space.dofmap.list
     if _OLD:
@@ -94,7 +104,7 @@ def dof_cells(space: Any) -> np.ndarray:
     return np.asarray(nodes)
 
 
-def cell_containing(mesh: Any, point: np.ndarray) -> int:
+def cell_containing(mesh: Mesh, point: np.ndarray) -> int:
     """Return a cell owned by this rank that contains `point` (3,), or -1."""
     if _OLD:
         tree = _geometry.BoundingBoxTree(mesh, mesh.topology.dim)

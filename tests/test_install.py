@@ -5,6 +5,7 @@ import os
 import shutil
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,7 @@ import pytest
 pytestmark = pytest.mark.serial
 
 ROOT = Path(__file__).parents[1]
+ROOMS = ("meshes", "forms", "solvers", "drivers")
 NEEDED = ("ensurepip", "setuptools", "wheel")
 
 
@@ -28,7 +30,7 @@ def programs(tmp_path_factory):
     if missing:
         pytest.skip(f"a package is built and installed with {', '.join(missing)}, which this Python does not have")
     folder = tmp_path_factory.mktemp("installed")
-    for room in ("meshes", "forms", "solvers", "drivers"):
+    for room in ROOMS:
         shutil.copytree(ROOT / room, folder / "source" / room, ignore=shutil.ignore_patterns("__pycache__"))
     for name in ("pyproject.toml", "uplift.py", "LICENSE"):
         shutil.copy(ROOT / name, folder / "source")
@@ -74,3 +76,16 @@ def test_the_import_alone_loads_nothing_heavy(programs, tmp_path):
     script = "import sys, uplift; print([m for m in ('numpy', 'scipy', 'mpi4py', 'petsc4py', 'dolfinx', 'gmsh') if m in sys.modules])"
     done = run(programs / "python", "-c", script, cwd=tmp_path)
     assert done.stdout == "[]\n", done.stderr
+
+
+def test_every_name_of_the_face_is_installed(programs, tmp_path):
+    done = run(programs / "python", "-c", "import uplift; print(all(getattr(uplift, name) for name in uplift.__all__))", cwd=tmp_path)
+    assert done.stdout == "True\n", done.stderr
+
+
+def test_every_package_but_the_evidence_is_installed():
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["setuptools"]
+    folders = {path.parent.relative_to(ROOT) for room in ROOMS for path in (ROOT / room).rglob("__init__.py")}
+    evidence = Path("drivers/evidence")
+    wanted = {".".join(("uplift", *folder.parts)) for folder in folders if evidence not in folder.parents}
+    assert sorted(settings["packages"]) == sorted(wanted)

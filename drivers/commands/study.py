@@ -38,13 +38,14 @@ def command(options: argparse.Namespace, begin: float) -> int:
     out = options.out or Path("results") / options.scene.stem / "study"
     with claimed_folder(out, overwrite=options.overwrite), process.parallel() as comm:
         from uplift.drivers.scene.vary import variation
-        from uplift.drivers.studies.variation import run_study, table_lines, write_study
+        from uplift.drivers.studies.variation import run_study, write_study
 
         variations = [variation(text) for text in options.vary]
-        columns, rows, facts = run_study(scene, variations, options.basis, options.basis_file, comm)
+        study = run_study(scene, variations, options.basis, options.basis_file, comm)
         if comm.rank == 0:
-            write_study(out, columns, rows, facts, len(variations), scene.title, draw=not options.no_plots)
+            write_study(out, study, draw=not options.no_plots)
         if not options.quiet:
-            process.say("\n".join(table_lines(columns, rows)))
+            process.say("\n".join(study.lines()))
+            facts = study.facts
             process.say(f"{facts['cases']} cases on {len(facts['bases'])} bases in {facts['seconds']:.1f} s\nfiles in {out}")
-        return process.FAILED if facts["failed"] else 0
+        return process.FAILED if study.facts["failed"] else 0

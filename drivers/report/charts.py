@@ -9,7 +9,7 @@ import numpy as np
 
 from uplift.drivers.analysis.snapshots import SnapshotData
 from uplift.drivers.report.words import scale_for
-from uplift.drivers.results.results import Results
+from uplift.drivers.results.results import Results, Series
 
 DRAWN = 1200
 """Points of a history that are drawn at most; its extremes stay exact."""
@@ -48,16 +48,15 @@ def _short(value: float, digits: int) -> float:
     return float(f"{value:.{digits}g}")
 
 
-def time_chart(
-    key: str, title: str, times: np.ndarray, names: tuple[str, ...], values: np.ndarray, unit: str, *, note: str = ""
-) -> dict[str, Any]:
-    """Return a chart of histories (nt, n) over time."""
+def time_chart(key: str, title: str, times: np.ndarray, series: Series, *, note: str = "") -> dict[str, Any]:
+    """Return a chart of histories over times (nt,) s."""
+    names, values = series.names, series.values
     finite = np.where(np.isfinite(values), values, 0.0)
     reach = np.max(np.abs(finite), axis=0, initial=0.0)
     shown = np.sort(np.argsort(-reach, kind="stable")[:CURVES])
     if len(names) > CURVES:
         note = f"{note} The {CURVES} of {len(names)} that reach farthest are drawn.".strip()
-    scale = scale_for(unit, float(reach.max(initial=0.0)))
+    scale = scale_for(series.unit, float(reach.max(initial=0.0)))
     return {
         "kind": "lines", "key": key, "title": title, "unit": scale.label, "x": "t [s]", "time": True, "note": note,
         "curves": [curve(names[i], times, values[:, i], scale.size) for i in shown],
@@ -82,15 +81,14 @@ def spectra_charts(results: Results) -> list[dict[str, Any]]:
     ]
 
 
-def time_map(
-    key: str, title: str, times: np.ndarray, names: tuple[str, ...], values: np.ndarray, unit: str, hue: str
-) -> dict[str, Any]:
-    """Return a map, contacts over time, of values (nt, n) >= 0; a column shows the largest of the instants it stands for."""
+def time_map(key: str, title: str, times: np.ndarray, series: Series, hue: str) -> dict[str, Any]:
+    """Return a map, contacts over times (nt,) s, of values >= 0; a column shows the largest of the instants it stands for."""
+    names, values = series.names, series.values
     columns = max(2, min(MAP_COLUMNS, MAP_VALUES // max(len(names), 1), len(times)))
     starts = np.unique(np.floor(np.linspace(0, len(times), columns, endpoint=False)).astype(int))
     largest = np.maximum(np.maximum.reduceat(values, starts, axis=0), 0.0)
     top = float(largest.max(initial=0.0))
-    scale = scale_for(unit, top)
+    scale = scale_for(series.unit, top)
     codes = np.round(largest.T / (top or 1.0) * 65535).astype("<u2")
     return {
         "kind": "map", "key": key, "title": title, "unit": scale.label, "hue": hue, "names": list(names), "columns": len(starts),

@@ -108,7 +108,7 @@ def printed_values(assembly: AssembledScene, analysis: Analysis) -> list[str]:
 
 
 def _draw(assembly: AssembledScene, analysis: Analysis, folder: Path, mesh: WholeMesh | None, displacement: np.ndarray | None) -> None:
-    from uplift.drivers.report import plots
+    from uplift.drivers.report import history_plots, plate_plots
 
     history, recorded, passes = analysis.final, tables(assembly, analysis), analysis.passes
     in_time = len(history.times) > 1
@@ -116,28 +116,28 @@ def _draw(assembly: AssembledScene, analysis: Analysis, folder: Path, mesh: Whol
     title = f"{assembly.scene.title or 'Uplift'}\n{analysis.method}, {how}"
     first = passes.histories[0].probes if passes.number > 1 else None
     if in_time:
-        plots.draw_history(folder / "history.png", history.times, assembly.operators.probes.names, history.probes, first, title)
+        history_plots.draw_history(folder / "history.png", history.times, assembly.operators.probes.names, history.probes, first, title)
     contacts = assembly.operators.contacts
     if "contacts" in recorded:
         n = len(contacts.names)
         columns = list(recorded["contacts"].values())
         force, gap = np.stack(columns[:n]), np.stack(columns[n:])
         if in_time:
-            plots.draw_contacts(folder / "contacts.png", history.times, contacts.names, force, gap, title)
+            history_plots.draw_contacts(folder / "contacts.png", history.times, contacts.names, force, gap, title)
         if np.sum(np.ptp(contacts.points, axis=0) > 0) == 2:
             row = int(np.argmax(gap.max(axis=0)))
-            plots.draw_bed(folder / "bed.png", contacts.points, force, gap, row, f"{title}, t = {history.times[row]:g} s")
-    for name, drawn in (("reactions", plots.draw_reactions), ("energy", plots.draw_energy)):
+            plate_plots.draw_bed(folder / "bed.png", contacts.points, force, gap, row, f"{title}, t = {history.times[row]:g} s")
+    for name, drawn in (("reactions", history_plots.draw_reactions), ("energy", history_plots.draw_energy)):
         if name in recorded and in_time:
             drawn(folder / f"{name}.png", history.times, recorded[name], title)
     if analysis.lifted is not None and np.sum(np.isfinite(analysis.lifted)) > FEW_INSTANTS:
-        plots.draw_uplift(folder / "uplift.png", history.times, analysis.lifted, title)
+        history_plots.draw_uplift(folder / "uplift.png", history.times, analysis.lifted, title)
     if mesh is not None and displacement is not None:
         lifted = history.openings(contacts.law)[history.peak] > 0
         if not analysis.exact:
             lifted = contacts.law.tension(history.elongation[history.peak])[: len(contacts.names)] > 0
         when = f"{title}, t = {history.times[history.peak]:g} s"
-        plots.draw_deformed(folder / "deformed.png", mesh, displacement, contacts.points, lifted, when)
+        plate_plots.draw_deformed(folder / "deformed.png", mesh, displacement, contacts.points, lifted, when)
 
 
 def _summary(assembly: AssembledScene, analysis: Analysis) -> dict[str, Any]:

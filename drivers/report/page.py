@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from uplift.drivers.report.charts import film_data, line_data, spectra_charts, time_chart, time_map
+from uplift.drivers.report.charts import film_data, line_data
+from uplift.drivers.report.history_charts import chart_groups
 from uplift.drivers.report.html_page import figures, page, section, table
 from uplift.drivers.report.scene_drawing import scene_svg
 from uplift.drivers.report.words import extremes, findings, key_values, number, scale_for
@@ -33,7 +34,7 @@ def write_report(path: Path, results: Results) -> None:
 def report(results: Results) -> str:
     """Return the page as HTML."""
     facts = results.facts
-    groups = _charts(results)
+    groups = chart_groups(results)
     snapshots, lines = film_data(results), line_data(results)
     parts = {
         "results": section("results", "Key results", _keys(results)),
@@ -84,67 +85,6 @@ def _keys(results: Results) -> str:
         for key in key_values(results)
     ]
     return f'<dl class="keys">{"".join(tiles)}</dl>' if tiles else ""
-
-
-def _charts(results: Results) -> dict[str, list[dict[str, Any]]]:
-    times, series = results.times, results.series
-    groups: dict[str, list[dict[str, Any]]] = {
-        name: [] for name in ("signal", "probes", "maps", "uplift", "reactions", "energy", "spectra")
-    }
-
-    def history(group: str, key: str, title: str, names: tuple[str, ...], values: np.ndarray, unit: str, note: str = "") -> None:
-        groups[group].append(time_chart(key, title, times, names, values, unit, note=note))
-
-    ground = series.get("ground/acceleration")
-    if ground is not None:
-        moving = np.flatnonzero(np.abs(ground.values).max(axis=0) > 0)
-        names = tuple(ground.names[i] for i in moving)
-        if len(moving):
-            history("signal", "ground", "Acceleration of the ground", names, ground.values[:, moving], ground.unit)
-    for path, what in (("probes/displacement", "Displacement"), ("probes/rotation", "Rotation")):
-        if path not in series:
-            continue
-        part = series[path]
-        for component in dict.fromkeys(name.split(".")[-1] for name in part.names):
-            columns = [i for i, name in enumerate(part.names) if name.split(".")[-1] == component]
-            values, names = part.values[:, columns], tuple(part.names[i] for i in columns)
-            first = series.get("probes/first pass")
-            if first is not None and path == "probes/displacement":
-                values = np.hstack([values, first.values[:, columns]])
-                names += tuple(f"{name}, every contact bonded" for name in names)
-            history("probes", f"{path.split('/')[1]}-{component}", f"{what} {component}", names, values, part.unit)
-    if "probes/acceleration" in series:
-        names, absolute = floor_acceleration(series)
-        for component in dict.fromkeys(name.split(".")[-1] for name in names):
-            columns = [i for i, name in enumerate(names) if name.split(".")[-1] == component]
-            title = f"Absolute acceleration along {component[-1]}"
-            history("probes", f"acceleration-{component}", title, tuple(names[i] for i in columns), absolute[:, columns], "m/s2")
-    for path, title, hue in (("contacts/force", "Contact force", "blue"), ("contacts/gap", "Gap, white where closed", "orange")):
-        if path in series:
-            part = series[path]
-            groups["maps"].append(time_map(path.replace("/", "-"), title, times, part.names, part.values, part.unit, hue))
-    for path, title in (("uplift/area", "Lifted area"), ("uplift/contacts", "Open contacts")):
-        if path in series and np.sum(np.isfinite(series[path].values)) > 1:
-            part = series[path]
-            known = int(np.sum(np.isfinite(part.values)))
-            note = f"Known at {known} of {len(times)} instants." if known < len(times) else ""
-            history("uplift", path.replace("/", "-"), title, part.names, part.values, part.unit, note)
-    for path in ("reactions/force", "reactions/moment"):
-        if path in series:
-            part = series[path]
-            for i, name in enumerate(part.names):
-                history("reactions", name.replace(" ", "-"), name[:1].upper() + name[1:], (name,), part.values[:, [i]], part.unit)
-    if "energy/ledger" in series:
-        ledger = series["energy/ledger"]
-        at = {name: i for i, name in enumerate(ledger.names)}
-        shown = ("kinetic", "strain", "springs", "damped", "work of loads")
-        changes = np.column_stack([ledger.values[:, at[n]] - ledger.values[0, at[n]] for n in shown])
-        history("energy", "energy", "Energies, change since time 0", shown, changes, ledger.unit)
-        residual = ledger.values[:, [at["numerical"]]]
-        note = "Work of loads less all the others: what the time integration itself takes away (positive) or adds."
-        history("energy", "residual", "Residual of the ledger", ("numerical",), residual, ledger.unit, note)
-    groups["spectra"] = spectra_charts(results)
-    return groups
 
 
 def _scene(results: Results, signal: list[dict[str, Any]]) -> str:

@@ -126,10 +126,14 @@ def _dofs(refined: str) -> Key:
 
 def sections() -> list[Section]:
     """Return all sections in the order of the page."""
+    top = Section("", "Top of the file", "Before all sections.", (Key("title", str, "title of the scene", default=""),))
+    return [top, *_mesh_sections(), *_model_sections(), *_load_sections(), *_run_sections()]
+
+
+def _mesh_sections() -> list[Section]:
     plates = Key("plates", "tables [[mesh.plates]]", "the plates")
     points = Key("points", "a table of points", "points that become nodes, by a name of your choice: NAME = [x, y, z]", "m", None)
     return [
-        Section("", "Top of the file", "Before all sections.", (Key("title", str, "title of the scene", default=""),)),
         Section("mesh", "[mesh] of a rectangle", _doc(Plate), (*of(Plate), _dofs("nx and ny"))),
         Section("mesh", "[mesh] of joined plates", _doc(Panels), (
             plates, points, *of(Panels, "plates", "named_points", "nodes"), _dofs("size"),
@@ -144,6 +148,11 @@ def sections() -> list[Section]:
             Key("file", str, "file beside the scene", range=f"ends in {' or '.join(SUFFIXES)}"),
             *(key for key in of(Plate) if key.name == "degree"),
         )),
+    ]
+
+
+def _model_sections() -> list[Section]:
+    return [
         Section("kinematics", "[kinematics]", "How the plate moves; without this section what the loads excite decides.", of(Kinematics)),
         Section("plate", "[plate]", _doc(Material), of(Material)),
         Section("parts", "[[parts]]", "A group of cells with a material or thickness of its own.",
@@ -157,6 +166,11 @@ def sections() -> list[Section]:
                 (*PLACES, *of(Spring, *_PLACED, stiffness=_stiffness("stiffness", "stiffness along and about the axes"))), listed=True),
         Section("masses", "[[masses]]", _doc(Mass), (*PLACES, *of(Mass, *_PLACED)), listed=True),
         Section("conditions", "[[conditions]]", _doc(Condition), of(Condition), listed=True),
+    ]
+
+
+def _load_sections() -> list[Section]:
+    return [
         Section("load", '[load] of the ground (kind = "ground")', _GROUND, (
             Key("kind", str, "what acts", default="ground", range='"ground", "force", "pressure"'),
             Key("direction", f"one of {', '.join(AXES)}, or {_COMPONENTS}", "direction, or the axis of a rocking motion"),
@@ -174,6 +188,11 @@ def sections() -> list[Section]:
         ), listed=True),
         *(_signal_section(name, kind, *(of(model.Tabulated) if name == "ricker" else ()))
           for name, kind in model.SIGNALS.items()),
+    ]
+
+
+def _run_sections() -> list[Section]:
+    return [
         Section("probes", "[[probes]]", _doc(Probe), of(
             Probe, point=Key("point", "a point [x, y], [x, y, z] or the name of one", "position, at a node or anywhere in the plate", "m"),
         ), listed=True),

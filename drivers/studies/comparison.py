@@ -273,13 +273,13 @@ def _shown(comparison: Comparison, most: int) -> list[Pair]:
 
 
 def _draw(path: Path, comparison: Comparison) -> None:
-    from uplift.drivers.report import plots
+    from uplift.drivers.report.history_plots import draw_overlays
 
     panels = []
     for pair in _shown(comparison, PICTURED):
         scale = scale_for(pair.unit, max(float(np.max(np.abs(pair.first))), float(np.max(np.abs(pair.second)))))
         panels.append((f"{_title(pair)}\n[{scale.label}]", pair.times, pair.first / scale.size, pair.second / scale.size))
-    plots.draw_overlays(path, panels, ("A", "B"), f"A: {comparison.names[0]}\nB: {comparison.names[1]}")
+    draw_overlays(path, panels, ("A", "B"), f"A: {comparison.names[0]}\nB: {comparison.names[1]}")
 
 
 def comparison_page(comparison: Comparison) -> str:

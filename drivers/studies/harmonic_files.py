@@ -28,7 +28,7 @@ def respond(assembly: AssembledScene, folder: Path, *, plots: bool) -> list[str]
         with assembly.clock.phase("output"), all_or_nothing(folder) as staging:
             write_columns(staging / "response.csv", _columns(settings.points, names, values))
             if plots:
-                from uplift.drivers.report.plots import draw_response
+                from uplift.drivers.report.history_plots import draw_response
 
                 title = f"{assembly.scene.title or 'Uplift'}\nharmonic response, every contact bonded"
                 draw_response(staging / "response.png", settings.points, tuple(names), values, title)

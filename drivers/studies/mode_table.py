@@ -56,7 +56,7 @@ def _write_shapes(path: Path, mesh: WholeMesh, labels: list[str], shapes: np.nda
 
 
 def _draw(path: Path, assembly: AssembledScene, mesh: WholeMesh, labels: list[str], shapes: np.ndarray) -> None:
-    from uplift.drivers.report import plots
+    from uplift.drivers.report.plate_plots import draw_modes
 
     model = assembly.plate.model
     held = {
@@ -64,7 +64,7 @@ def _draw(path: Path, assembly: AssembledScene, mesh: WholeMesh, labels: list[st
         "plain spring": np.array([p for spring in model.springs for p in spring.points]).reshape(-1, 3),
     }
     title = f"{assembly.scene.title or 'Uplift'}\nfirst {min(DRAWN, len(labels))} of {len(labels)} modes, every contact bonded"
-    plots.draw_modes(path, mesh, labels[:DRAWN], shapes[:DRAWN], held, title)
+    draw_modes(path, mesh, labels[:DRAWN], shapes[:DRAWN], held, title)
 
 
 def _summary(assembly: AssembledScene, table: ModeTable) -> dict[str, Any]:

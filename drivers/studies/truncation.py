@@ -207,7 +207,7 @@ def _error(values: np.ndarray, exact: np.ndarray) -> float:
 
 
 def _draw(path: Path, assembly: AssembledScene, result: Truncation) -> None:
-    from uplift.drivers.report import plots
+    from uplift.drivers.studies.study_plots import draw_truncation
 
     panels = {}
     for name, label in (("displacement", "largest error of the probes' displacements"), ("contact", "largest error of the contact forces")):
@@ -216,7 +216,7 @@ def _draw(path: Path, assembly: AssembledScene, result: Truncation) -> None:
             panels[label] = {"modes alone": errors[:, 0], "with static correction": errors[:, 1]}
     counts = np.array([pair[0].modes for pair in result.pairs()])
     title = f"{assembly.scene.title or 'Uplift'}\nmodal runs against the run in all dofs, uplift exact at every step"
-    plots.draw_truncation(path, counts, panels, title)
+    draw_truncation(path, counts, panels, title)
 
 
 def _summary(assembly: AssembledScene, found: Modes, result: Truncation) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import csv
 import time
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,11 +19,11 @@ from uplift.drivers.analysis.assembled_scene import AssembledScene, prepare
 from uplift.drivers.analysis.basis import basis_notes, basis_of
 from uplift.drivers.analysis.initial_state import start_state
 from uplift.drivers.analysis.task import Task
-from uplift.drivers.report import plots
 from uplift.drivers.results.folder import all_or_nothing, versions, write_summary
 from uplift.drivers.scene.request import Request
 from uplift.drivers.scene.scene import Scene
 from uplift.drivers.scene.vary import Variation, cases_of
+from uplift.drivers.studies.study_plots import draw_study
 from uplift.forms.operators import Operators
 from uplift.meshes.checked import ModelError
 from uplift.meshes.findings import say
@@ -91,10 +91,30 @@ def _with_signals(model: Operators, own: Scene, scene: Scene) -> Operators:
     return replace(model, loads=[replace(load, history=signals.get(id(load.history), load.history)) for load in model.loads])
 
 
-def run_study(
-    scene: Scene, variations: list[Variation], tolerance: float, path: Path | None, comm: Any
-) -> tuple[list[str], list[list[float]], dict[str, Any]]:
-    """Run every case with exact uplift (collective); return the names of the columns, a row for each case and facts for the summary.
+@dataclass(frozen=True)
+class StudyTable:
+    """The extremes of all cases."""
+
+    title: str
+    varied: int
+    """Number of values that are varied."""
+    columns: list[str]
+    """Names: the varied values, the extremes, the seconds."""
+    rows: list[list[float]]
+    """One a case, nan where it has no answer."""
+    facts: dict[str, Any]
+    """For the summary."""
+
+    def lines(self) -> list[str]:
+        """Return the table as text."""
+        widths = [max(len(name), 12) for name in self.columns]
+        lines = ["  ".join(f"{name:>{width}}" for name, width in zip(self.columns, widths, strict=True))]
+        lines += ["  ".join(f"{value:>{width}.6g}" for value, width in zip(row, widths, strict=True)) for row in self.rows]
+        return lines
+
+
+def run_study(scene: Scene, variations: list[Variation], tolerance: float, path: Path | None, comm: Any) -> StudyTable:
+    """Run every case with exact uplift in bases to `tolerance`, kept in the file `path` (collective).
 
     A case that has no answer gets a row of nan, and the log says why.
     """
@@ -120,7 +140,7 @@ def run_study(
     width = len(variations) + len(columns) + 1
     rows = [row if len(row) == width else [*row[: len(variations)], *[float("nan")] * len(columns), row[-1]] for row in rows]
     facts = {"cases": len(rows), "failed": failures, "bases": notes, "seconds": time.perf_counter() - begin, "versions": versions()}
-    return [*(v.key for v in variations), *columns, SECONDS], rows, facts
+    return StudyTable(scene.title, len(variations), [*(v.key for v in variations), *columns, SECONDS], rows, facts)
 
 
 def _extremes(assembly: AssembledScene, model: Operators, scene: Scene) -> tuple[list[str], list[float]]:
@@ -140,23 +160,13 @@ def _extremes(assembly: AssembledScene, model: Operators, scene: Scene) -> tuple
     return names, found
 
 
-def table_lines(columns: list[str], rows: list[list[float]]) -> list[str]:
-    """Return the table as text."""
-    widths = [max(len(name), 12) for name in columns]
-    lines = ["  ".join(f"{name:>{width}}" for name, width in zip(columns, widths, strict=True))]
-    lines += ["  ".join(f"{value:>{width}.6g}" for value, width in zip(row, widths, strict=True)) for row in rows]
-    return lines
-
-
-def write_study(
-    out: Path, columns: list[str], rows: list[list[float]], facts: dict[str, Any], varied: int, title: str, *, draw: bool
-) -> None:
+def write_study(out: Path, study: StudyTable, *, draw: bool) -> None:
     """Write study.csv, summary.json and study.png into `out`."""
     with all_or_nothing(out) as staging:
         with (staging / "study.csv").open("w", newline="", encoding="utf-8") as file:
             writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(columns)
-            writer.writerows([[repr(value) for value in row] for row in rows])
-        write_summary(staging / "summary.json", facts)
+            writer.writerow(study.columns)
+            writer.writerows([[repr(value) for value in row] for row in study.rows])
+        write_summary(staging / "summary.json", study.facts)
         if draw:
-            plots.draw_study(staging / "study.png", columns, np.array(rows), varied, title)
+            draw_study(staging / "study.png", study.columns, np.array(study.rows), study.varied, study.title)

@@ -27,6 +27,7 @@ from uplift.forms.operators import LiftedArea, Operators, Outputs, elongation_gr
 from uplift.forms.parameters import PlateModel
 from uplift.forms.shells.kinematics import up_of
 from uplift.meshes.checked import ModelError
+from uplift.meshes.compat import Mat, Space, Vec
 
 
 @dataclass
@@ -34,13 +35,13 @@ class AssembledPlate:
     """The operators of a plate and the way back from their rows to its displacement field."""
 
     operators: Operators
-    space: Any
+    space: Space
     numbering: Numbering
     kind: str
     components: tuple[str, ...]
     total_mass: float
     """kg, plate and point masses."""
-    translations: dict[str, Any]
+    translations: dict[str, Vec]
     """Axis -> mass times a rigid translation by 1 m along it, PETSc vectors in kg, for the axes along which the plate can move."""
     lifted_area: LiftedArea
     joint_mass: float
@@ -139,7 +140,7 @@ def _spelled_out(compiled: CompiledForms, model: PlateModel) -> PlateModel:
     return replace(model, **found)
 
 
-def _full_matrices(field: FullSpace) -> list[Any]:
+def _full_matrices(field: FullSpace) -> list[Mat]:
     """Return stiffness and mass over all dofs of the space, and where a material is damped the damping; the caller destroys them."""
     field.set_material()
     stiffness, mass = field.matrix(field.compiled.stiffness), field.matrix(field.compiled.mass)
@@ -148,7 +149,7 @@ def _full_matrices(field: FullSpace) -> list[Any]:
     return [stiffness, mass, _damping(field, stiffness, mass)]
 
 
-def _damping(field: FullSpace, stiffness: Any, mass: Any) -> Any:
+def _damping(field: FullSpace, stiffness: Mat, mass: Mat) -> Mat:
     """Return alpha K + beta M, each material with its own alpha and beta (the stiffness is linear in E, the mass in rho)."""
     same = PETSc.Mat.Structure.SAME_NONZERO_PATTERN
     if len({(m.alpha, m.beta) for m in field.materials}) == 1:

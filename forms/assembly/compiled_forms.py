@@ -15,7 +15,7 @@ from uplift.forms.contact.supports import AXES
 from uplift.forms.shells import membrane, shell
 from uplift.forms.shells.facets import Facet, common_normal, facet_of
 from uplift.forms.shells.material import Material
-from uplift.meshes.compat import compile_form, piecewise_constant_space, vector_space
+from uplift.meshes.compat import Space, compile_form, piecewise_constant_space, vector_space
 from uplift.meshes.tagged import TaggedMesh
 
 
@@ -27,7 +27,7 @@ class CompiledForms:
     kind: str
     degree: int
     components: tuple[str, ...]
-    space: Any
+    space: Space
     stiffness: Any
     mass: Any
     pressure: Any | None

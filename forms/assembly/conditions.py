@@ -11,14 +11,14 @@ from uplift.forms.parameters import Condition
 from uplift.forms.shells.kinematics import AXES_OF
 from uplift.forms.shells.shell import edge_components
 from uplift.meshes.checked import ModelError
-from uplift.meshes.compat import geometry_cells
+from uplift.meshes.compat import Space, geometry_cells
 from uplift.meshes.tagged import SIDES, TaggedMesh
 
 STRAIGHT = 1e-6
 """Largest sine of the angle between an edge and an axis that it runs along."""
 
 
-def held_dofs(conditions: tuple[Condition, ...], tagged: TaggedMesh, space: Any, components: tuple[str, ...], kind: str) -> np.ndarray:
+def held_dofs(conditions: tuple[Condition, ...], tagged: TaggedMesh, space: Space, components: tuple[str, ...], kind: str) -> np.ndarray:
     """Return the owned scalar dofs that the conditions hold, sorted (collective).
 
     Raises `ModelError` for a group that the mesh does not have, and for an edge condition by name that means nothing there.

@@ -16,6 +16,7 @@ from uplift.forms.contact.supports import AXES, TRANSLATIONS
 from uplift.forms.parameters import Part, PlateModel, Pressure
 from uplift.forms.shells.material import Material
 from uplift.meshes.checked import ModelError
+from uplift.meshes.compat import Mat
 
 
 class FullSpace:
@@ -44,7 +45,7 @@ class FullSpace:
             for part in self.model.parts:
                 function.x.array[self._cells[part.group]] = getattr(part.material, field.name) * factor(part.material)
 
-    def matrix(self, form: Any) -> Any:
+    def matrix(self, form: Any) -> Mat:
         """Assemble a matrix with the present material."""
         matrix = assemble_matrix(form)
         matrix.assemble()

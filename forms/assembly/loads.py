@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from uplift.forms.assembly.compiled_forms import CompiledForms
@@ -18,12 +16,13 @@ from uplift.forms.operators import Load
 from uplift.forms.parameters import Force, GroundMotion, Pressure
 from uplift.forms.shells.kinematics import up_of
 from uplift.meshes.checked import ModelError
+from uplift.meshes.compat import Mat, Vec
 
 
 class Inertia:
     """The mass of the whole model times rigid motions of the base."""
 
-    def __init__(self, field: FullSpace, numbering: Numbering, placement: Placement, mass: Any) -> None:
+    def __init__(self, field: FullSpace, numbering: Numbering, placement: Placement, mass: Mat) -> None:
         """Take the assembled mass of the whole space."""
         self._field, self._numbering, self._placement, self._mass = field, numbering, placement, mass
 
@@ -36,7 +35,7 @@ class Inertia:
         force.destroy()
         return values
 
-    def vector(self, motion: int, center: np.ndarray | None = None) -> Any:
+    def vector(self, motion: int, center: np.ndarray | None = None) -> Vec:
         """Return the mass times the unit rigid motion along or about an axis through `center` (PETSc vector of the system)."""
         center = np.zeros(3) if center is None else center
         vector = self._numbering.vector(self._of_field(motion, center))
@@ -61,7 +60,7 @@ def load_list(field: FullSpace, numbering: Numbering, placement: Placement, iner
         vector.scale(-model.gravity)
         loads.append(Load("gravity", vector, Constant(1.0), static=True))
     loads += [Load("ground motion", _motion_vector(motion, numbering, inertia), motion.signal) for motion in model.motions]
-    acting: list[tuple[Force | Pressure, Any]] = [(force, _force_vector(force, field.compiled, numbering)) for force in model.forces]
+    acting: list[tuple[Force | Pressure, Vec]] = [(force, _force_vector(force, field.compiled, numbering)) for force in model.forces]
     acting += [(pressure, _pressure_vector(pressure, field, numbering)) for pressure in model.pressures]
     for load, vector in acting:
         loads.append(Load(load.name, vector, load.signal or Constant(1.0), static=load.signal is None))
@@ -72,7 +71,7 @@ def load_list(field: FullSpace, numbering: Numbering, placement: Placement, iner
     return loads
 
 
-def _motion_vector(motion: GroundMotion, numbering: Numbering, inertia: Inertia) -> Any:
+def _motion_vector(motion: GroundMotion, numbering: Numbering, inertia: Inertia) -> Vec:
     total = numbering.vector()
     for axis in np.flatnonzero(motion.direction):
         part = inertia.vector(int(axis), np.array(motion.center))
@@ -81,14 +80,14 @@ def _motion_vector(motion: GroundMotion, numbering: Numbering, inertia: Inertia)
     return total
 
 
-def _pressure_vector(pressure: Pressure, field: FullSpace, numbering: Numbering) -> Any:
+def _pressure_vector(pressure: Pressure, field: FullSpace, numbering: Numbering) -> Vec:
     try:
         return numbering.vector(field.pressure(pressure))
     except ModelError as error:
         raise ModelError(f"load[{pressure.name}].group", error.message) from None
 
 
-def _force_vector(force: Force, compiled: CompiledForms, numbering: Numbering) -> Any:
+def _force_vector(force: Force, compiled: CompiledForms, numbering: Numbering) -> Vec:
     try:
         nodes = owned_nodes(compiled.space, np.asarray(force.points, dtype=float).reshape(-1, 3), force.name)
     except ModelError as error:

@@ -10,13 +10,14 @@ from petsc4py import PETSc
 
 from uplift.forms.contact.supports import Placed
 from uplift.meshes.checked import ModelError
+from uplift.meshes.compat import Space
 from uplift.meshes.tagged import SIDES, TaggedMesh, extent_of
 
 LENGTHS = {1: (0.5, 0.5), 2: (1 / 6, 4 / 6, 1 / 6), 3: (1 / 12, 5 / 12, 5 / 12, 1 / 12)}
 """Integrals of the Lagrange functions of an edge of length 1 by degree: ends outside, inner nodes at the Gauss-Lobatto points."""
 
 
-def nodes_of(tagged: TaggedMesh, space: Any, group: str) -> np.ndarray:
+def nodes_of(tagged: TaggedMesh, space: Space, group: str) -> np.ndarray:
     """Return the nodes that this rank owns on a group of the mesh, sorted (collective). Raises `ModelError` for an unknown group."""
     dimension = tagged.dimension(group)
     owned = space.dofmap.index_map.size_local
@@ -30,7 +31,7 @@ def nodes_of(tagged: TaggedMesh, space: Any, group: str) -> np.ndarray:
     return np.unique(nodes[nodes < owned])
 
 
-def lengths(tagged: TaggedMesh, space: Any, degree: int, group: str) -> np.ndarray:
+def lengths(tagged: TaggedMesh, space: Space, degree: int, group: str) -> np.ndarray:
     """Return the length in m of the edge `group` that belongs to each node of `space`, owned and ghost, on this rank alone."""
     ends_of, layout = SIDES[tagged.mesh.ufl_domain().ufl_cell().cellname()], space.dofmap.dof_layout
     at = space.tabulate_dof_coordinates()
@@ -44,7 +45,7 @@ def lengths(tagged: TaggedMesh, space: Any, degree: int, group: str) -> np.ndarr
     return share
 
 
-def to_owners(space: Any, values: np.ndarray) -> np.ndarray:
+def to_owners(space: Space, values: np.ndarray) -> np.ndarray:
     """Sum values (n, ) of owned and ghost nodes over the ranks; return those of the owned ones (collective)."""
     index_map = space.dofmap.index_map
     if space.mesh.comm.size == 1:
@@ -59,7 +60,7 @@ def to_owners(space: Any, values: np.ndarray) -> np.ndarray:
     return total
 
 
-def at_nodes(placed: Placed, tagged: TaggedMesh, space: Any, degree: int, area: Any) -> Placed:
+def at_nodes(placed: Placed, tagged: TaggedMesh, space: Space, degree: int, area: Any) -> Placed:
     """Return a placed group with its points spelled out: the nodes of its group of the mesh in order of coordinates (collective).
 
     `area(group)` gives the area (n_owned,) in m2 that belongs to each owned node. Raises `ModelError` for a group that

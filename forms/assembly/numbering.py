@@ -9,6 +9,7 @@ from petsc4py import PETSc
 from scipy import sparse
 
 from uplift.forms.contact.supports import AXES
+from uplift.meshes.compat import Mat, Space, Vec
 
 
 class NodeDofs:
@@ -32,7 +33,7 @@ class Numbering:
     (zero displacement relative to the base) have no row, so they bring neither penalties nor spurious modes.
     """
 
-    def __init__(self, space: Any, restrained: np.ndarray, extra: int) -> None:
+    def __init__(self, space: Space, restrained: np.ndarray, extra: int) -> None:
         """Count the rows (collective); `restrained` are owned local scalar dofs of `space`, `extra` this rank's extra rows."""
         index_map, block = space.dofmap.index_map, space.dofmap.index_map_bs
         self.comm = space.mesh.comm
@@ -52,7 +53,7 @@ class Numbering:
         """Return the row within this rank of its extra dofs `number` = 0, 1, ..."""
         return self.n_free + number
 
-    def matrices(self, fields: list[Any], extras: list[sparse.coo_matrix]) -> list[Any]:
+    def matrices(self, fields: list[Mat], extras: list[sparse.coo_matrix]) -> list[Mat]:
         """Join assembled matrices of the space with extra entries, all on one sparsity pattern (collective).
 
         `fields` are PETSc matrices over all dofs of the space; `extras` hold each rank's own entries, (n_local, n_local)
@@ -79,7 +80,7 @@ class Numbering:
             joined.append(matrix)
         return joined
 
-    def _own_entries(self, fields: list[Any]) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]]:
+    def _own_entries(self, fields: list[Mat]) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]]:
         """Return row, column and the values of each matrix for the free entries in this rank's rows."""
         csr = [matrix.getValuesCSR() for matrix in fields]
         indptr, columns, _ = csr[0]
@@ -92,7 +93,7 @@ class Numbering:
         keep = (rows >= 0) & (columns >= 0)
         return rows[keep], columns[keep], [values[keep] for _, _, values in csr]
 
-    def _global_rows(self, field: Any, dofs: np.ndarray) -> np.ndarray:
+    def _global_rows(self, field: Mat, dofs: np.ndarray) -> np.ndarray:
         """Return the global row of each global dof of the space in `dofs`, wherever it lives (collective)."""
         if self.comm.size == 1:
             return self.local_row[dofs]
@@ -107,7 +108,7 @@ class Numbering:
             thing.destroy()
         return rows
 
-    def vector(self, field: np.ndarray | None = None, extra: np.ndarray | None = None) -> Any:
+    def vector(self, field: np.ndarray | None = None, extra: np.ndarray | None = None) -> Vec:
         """Return a PETSc vector of the system from owned field values (n_field,) and extra values."""
         vector = PETSc.Vec().createMPI((self.n_local, self.n), comm=self.comm)
         vector.array[:] = 0.0

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import dolfinx.fem
 import numpy as np
 from mpi4py import MPI
 from scipy.spatial import cKDTree
 
 from uplift.meshes.checked import ModelError
-from uplift.meshes.compat import cell_containing
+from uplift.meshes.compat import Space, cell_containing
 from uplift.meshes.tagged import extent_of
 
 
-def owned_nodes(space: Any, points: np.ndarray, what: str) -> np.ndarray:
+def owned_nodes(space: Space, points: np.ndarray, what: str) -> np.ndarray:
     """Return for each point (n, 3) m the local node that this rank owns there, or -1 (collective).
 
     Raises `ModelError` on every rank if a point is at no node.
@@ -42,7 +40,7 @@ def in_words(point: np.ndarray) -> str:
     return f"({', '.join(f'{x:g}' for x in shown)}) m"
 
 
-def interpolation(space: Any, point: np.ndarray, what: str) -> tuple[np.ndarray, np.ndarray]:
+def interpolation(space: Space, point: np.ndarray, what: str) -> tuple[np.ndarray, np.ndarray]:
     """Return the nodes that this rank owns and the weights that interpolate a component at `point` (3,) m (collective).
 
     Raises `ModelError` on every rank if the point lies outside the mesh.

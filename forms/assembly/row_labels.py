@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from mpi4py import MPI
 
 from uplift.forms.assembly.numbering import Numbering
+from uplift.meshes.compat import Space
 
 CELLS = 2.0**40
 """Places are told apart on a grid of so many cells along the mesh's largest extent: far finer than any mesh, far coarser than round-off."""
 
 
-def row_labels(space: Any, numbering: Numbering, extra_nodes: np.ndarray) -> np.ndarray:
+def row_labels(space: Space, numbering: Numbering, extra_nodes: np.ndarray) -> np.ndarray:
     """Return integers (n_local, 5) that name this rank's rows: place (3), component, number (collective).
 
     `extra_nodes` are the local nodes that this rank's extra rows belong to, in the order of these rows. Rows of the space have the number

@@ -13,6 +13,7 @@ from uplift.forms.assembly.points import in_words, owned_nodes
 from uplift.forms.contact.supports import AXES, TRANSLATIONS, JointTerm, Placed, Point, Support, joint_term
 from uplift.forms.parameters import PlateModel
 from uplift.meshes.checked import ModelError
+from uplift.meshes.compat import Space
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,7 +158,7 @@ class Placement:
                 raise ModelError(*found[0])
 
 
-def place(space: Any, components: tuple[str, ...], kind: str, model: PlateModel) -> Placement:
+def place(space: Space, components: tuple[str, ...], kind: str, model: PlateModel) -> Placement:
     """Find the nodes of all supports, springs and masses of a model (collective).
 
     `components` are those of a node of `space` under the kinematics `kind`. Raises `ModelError` for a point that is at no node and
@@ -181,7 +182,7 @@ def place(space: Any, components: tuple[str, ...], kind: str, model: PlateModel)
     return Placement(_joint_components(joints, contacts, dofs), tuple(springs), tuple(masses), contacts)
 
 
-def _nodes(space: Any, group: Placed, key: str) -> np.ndarray:
+def _nodes(space: Space, group: Placed, key: str) -> np.ndarray:
     try:
         return owned_nodes(space, np.asarray(group.points, dtype=float).reshape(-1, 3), group.name)
     except ModelError as error:
@@ -198,7 +199,7 @@ def _node_values(group: Placed, nodes: np.ndarray, values: Sequence[float], dofs
     ]
 
 
-def _joints(space: Any, support: Support) -> list[Joint]:
+def _joints(space: Space, support: Support) -> list[Joint]:
     nodes = _nodes(space, support, f"supports.{support.name}")
     return [
         Joint(support, f"{support.name}{number}", point, tributary, int(node))

@@ -9,7 +9,7 @@ import numpy as np
 import ufl
 
 from uplift.meshes.checked import ModelError
-from uplift.meshes.compat import geometry_cells
+from uplift.meshes.compat import Mesh, geometry_cells
 
 FLAT = 1e-9
 """Largest sine of the angle between two cells' normals in one plane; coordinates in a file of 12 digits stay below."""
@@ -57,7 +57,7 @@ class Facet:
         return self.diameter**2 / 2
 
 
-def facet_of(mesh: Any) -> Facet:
+def facet_of(mesh: Mesh) -> Facet:
     """Return the frame of the cells of a two-dimensional `mesh` in the plane or in space.
 
     Raises `ModelError` for cells with more nodes than corners: a facet is flat, whatever the degree of the displacement.
@@ -78,7 +78,7 @@ def facet_of(mesh: Any) -> Facet:
     return Facet(cell, diameter, jacobian, tangents, tangents, normal)
 
 
-def common_normal(mesh: Any) -> np.ndarray | None:
+def common_normal(mesh: Mesh) -> np.ndarray | None:
     """Return the unit normal (3,) of the plane that all cells are parallel to, None where they fold (collective).
 
     Its largest component is positive. A flat mesh whose normal is an axis needs no rotation about that axis.

@@ -28,7 +28,7 @@ import ufl
 from uplift.forms.parameters import CONDITIONS
 from uplift.forms.shells.facets import Facet
 from uplift.meshes.checked import ModelError
-from uplift.meshes.compat import vector_space
+from uplift.meshes.compat import Mesh, Space, vector_space
 
 COMPONENTS = ("DX", "DY", "DZ", "DRX", "DRY", "DRZ")
 """Components of a shell: displacements, then rotations about the axes."""
@@ -56,7 +56,7 @@ with 1e-5.
 class ShellSpace:
     """The function space of a shell and the names of its components, blocked by node."""
 
-    space: Any
+    space: Space
     components: tuple[str, ...]
     degree: int
 
@@ -66,7 +66,7 @@ class ShellSpace:
         return tuple(ufl.as_vector([at.get(name, 0) for name in names]) for names in (COMPONENTS[:3], COMPONENTS[3:]))
 
 
-def shell_space(mesh: Any, degree: int, components: tuple[str, ...] | None = None) -> ShellSpace:
+def shell_space(mesh: Mesh, degree: int, components: tuple[str, ...] | None = None) -> ShellSpace:
     """Return the space of `components`; without them of `COMPONENTS` on a mesh in space, of `PLATE_COMPONENTS` on a mesh in the plane.
 
     Raises `ModelError` for a degree that its cells do not have: 1 to 3 on quadrilaterals, 3 on triangles.
@@ -157,7 +157,8 @@ def shear(u: Any, theta: Any, v: Any, psi: Any, material: Any, facet: Facet, dx:
     """Return the virtual work of the transverse shear forces of fields of `degree`, free of locking.
 
     Displacement and rotation converge with order 2 at least in the L2 norm, whatever the thickness; with degree + 1 as long
-    as the cells are not larger than the thickness.
+    as the cells are not larger than the thickness. Two fields, their two test fields, material, geometry, measure and degree are eight
+    parameters: forms take what they integrate one by one, trial first.
     """
     rigidity = SHEAR_CORRECTION * shear_rigidity(material)
     if degree == 1:
@@ -200,7 +201,8 @@ def drilling(u: Any, theta: Any, v: Any, psi: Any, material: Any, facet: Facet, 
     """Return the virtual work that ties the rotation about the normal to that of the mid-surface, with stiffness share G t.
 
     After Hughes and Brezzi (On drilling degrees of freedom, CMAME 72, 1989), whose share is 1. Rigid motions cost nothing.
-    A flat mesh normal to an axis needs neither this nor the rotation about that axis.
+    A flat mesh normal to an axis needs neither this nor the rotation about that axis. The parameters are those of `shear`, with the share
+    in place of the degree.
     """
     return share * shear_rigidity(material) * ufl.inner(drilling_strain(u, theta, facet), drilling_strain(v, psi, facet)) * dx
 

@@ -17,6 +17,7 @@ from uplift.drivers.evidence.pareto import runs as pareto_runs
 from uplift.drivers.evidence.pareto.cases import AS_PUBLISHED, CORRECTED, FOURIER, KRYLOV, LAPLACE, MODES, SPREAD, Mesh, Run
 from uplift.drivers.evidence.pareto.errors import Reference, Trace
 from uplift.drivers.evidence.pareto.runs import Outcome, assemble, execute_once
+from uplift.drivers.evidence.pareto.tables import tables
 from uplift.drivers.evidence.peers import peer_scipy, peers
 from uplift.meshes.checked import ModelError
 from uplift.solvers.time_domain.initial import static_state
@@ -208,7 +209,7 @@ def test_advice_follows_the_data(sdls119a):
     assert pareto_page.error_words(1e-5, 5e-4) == "< 5.0e-04" and pareto_page.error_words(math.nan, 1.0) == ""
     text = pareto_page.page(study)
     assert "## Efficient runs: as published" in text and "Not measured in this run" in text
-    table = pareto_page.tables(study)["page.csv"].splitlines()
+    table = tables(study)["page.csv"].splitlines()
     assert len(table) == 4 and table[1].split(",")[:3] == ["as published", "Newmark", "4 x 8"]
 
 

@@ -77,7 +77,7 @@ def test_maps_keep_the_largest_of_every_stretch():
     values = np.zeros((30_001, 3))
     values[12_345, 1] = 4000.0
     values[20, 2] = 1000.0
-    drawn = time_map("k", "t", times, ("a", "b", "c"), values, "N", "blue")
+    drawn = time_map("k", "t", times, Series(("a", "b", "c"), "N", values, ""), "blue")
     codes = np.frombuffer(base64.b64decode(drawn["values"]), "<u2").reshape(3, -1)
     assert drawn["columns"] == codes.shape[1] == 600 and drawn["unit"] == "kN" and drawn["top"] == 4.0
     assert codes[1].max() == 65535 and codes[2].max() == round(65535 / 4) and codes[0].max() == 0

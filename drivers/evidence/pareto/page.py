@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import csv
 import datetime
-import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -267,7 +265,7 @@ def _peers_section(study: Study) -> list[str]:
     reference, apart = study.references[SPREAD], differences(study.peers)
     rows = []
     for m in study.peers:
-        score = _peer_score(m, reference)
+        score = peer_score(m, reference)
         apart_words = "" if m.program == OWN or (m.program, m.mesh) not in apart else f"{apart[m.program, m.mesh][0]:.1e}"
         scaled = "" if m.measured_steps == m.steps else f" ({m.measured_steps} steps, scaled)"
         rows.append([m.program, m.mesh.name(study.scene), f"{m.dofs:,}", f"{m.preparation:.3g}", f"{m.march:.3g}{scaled}",
@@ -290,7 +288,8 @@ def _peers_section(study: Study) -> list[str]:
     ]
 
 
-def _peer_score(measured: Measured, reference: Reference) -> str:
+def peer_score(measured: Measured, reference: Reference) -> str:
+    """Return the error of a peer's displacement in words, nothing where it kept no history."""
     return "" if measured.trace is None else error_words(errors(measured.trace, reference.trace)[0], reference.error[0])
 
 
@@ -318,38 +317,3 @@ def _provenance(study: Study) -> list[str]:
     day = datetime.date.today().isoformat()
     return ["---", _paragraph(f"""Made by `{study.command}` on {day} in {study.seconds:.0f} s (1 rank, {processor()}; {known}; the
         sweeps with complex PETSc). Errors come out the same again, times within their noise.""")]
-
-
-def tables(study: Study) -> dict[str, str]:
-    """Return the tables of all runs and of the peers as CSV by the names of their files."""
-    phases = list(dict.fromkeys(phase for o in study.outcomes for phase in o.seconds))
-    runs = [["case", "method", "mesh", "degree", "dofs", "contacts", "step s", "band Hz", "window s", "modes", "residual", "vectors",
-             "blocks", "passes", "ended", *(f"error of {name}" for name in QUANTITIES), *(f"{phase} s" for phase in phases), "total s",
-             "factorisation unit s", "factorisations"]]
-    for o, score in zip(study.outcomes, study.scored, strict=True):
-        r, unit = o.run, study.unit(o)
-        runs.append([str(v) for v in (
-            r.case, r.method, r.mesh.name(study.scene), r.mesh.degree, o.dofs, o.contacts, f"{r.step:g}", *(_or_empty(v) for v in (
-                r.band, r.window, r.size, r.tolerance, o.vectors, o.blocks, o.passes)), o.ended,
-            *(f"{v:.1e}" if np.isfinite(v) else "" for v in score), *(f"{o.seconds[p]:.6f}" if p in o.seconds else "" for p in phases),
-            f"{o.total:.6f}", f"{unit:.6f}", f"{o.total / unit:.3f}")])
-    files = {f"{study.stem}.csv": _csv(runs)}
-    if study.peers:
-        rows = [["program", "mesh", "dofs", "preparation s", "march s", "measured steps", "steps", "libraries MB", "peak MB",
-                 "error of displacement"]]
-        for m in study.peers:
-            sizes = f"{1e-6 * m.libraries:.1f}", f"{1e-6 * m.peak:.1f}", _peer_score(m, study.references[SPREAD])
-            rows.append([m.program, m.mesh.name(study.scene), str(m.dofs), f"{m.preparation:.6f}", f"{m.march:.6f}",
-                         str(m.measured_steps), str(m.steps), *sizes])
-        files[f"{study.stem}-peers.csv"] = _csv(rows)
-    return files
-
-
-def _or_empty(value: float | None) -> str:
-    return "" if value is None else f"{value:g}"
-
-
-def _csv(rows: Sequence[Sequence[str]]) -> str:
-    text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerows(rows)
-    return text.getvalue()

@@ -19,9 +19,10 @@ from uplift.drivers.evidence.pages import command_line
 from uplift.drivers.evidence.pareto.cases import AS_PUBLISHED, MESH_STEP, Mesh, Run, foot, rectangle, reference_runs, runs
 from uplift.drivers.evidence.pareto.errors import Reference, Trace, errors, extrapolated, extrapolated_twice
 from uplift.drivers.evidence.pareto.orders import observed
-from uplift.drivers.evidence.pareto.page import Study, page, tables
+from uplift.drivers.evidence.pareto.page import Study, page
 from uplift.drivers.evidence.pareto.plot import draw
 from uplift.drivers.evidence.pareto.runs import Outcome, assemble, check, run_all
+from uplift.drivers.evidence.pareto.tables import tables
 from uplift.drivers.evidence.peers import peers
 from uplift.drivers.process import say
 from uplift.drivers.results.folder import all_or_nothing, writable_folder

@@ -9,28 +9,23 @@ from typing import Any
 
 from uplift.drivers.evidence.pages import command_line
 from uplift.drivers.evidence.stability.bench import Bench, Finding
-from uplift.drivers.evidence.stability.cases import (
-    Case,
-    amplitudes,
-    joints,
-    materials,
-    meshes,
-    numbers,
-    penalties,
-    static_cases,
-    steps,
-    supports,
-    thin_plates,
-)
+from uplift.drivers.evidence.stability.cases import Case
+from uplift.drivers.evidence.stability.mesh_cases import meshes, numbers, units
+from uplift.drivers.evidence.stability.model_cases import joints, materials, penalties, supports, thin_plates
 from uplift.drivers.evidence.stability.page import Row, csv_text, page
 from uplift.drivers.evidence.stability.refusals import methods, refusals, windows
+from uplift.drivers.evidence.stability.run_cases import amplitudes, static_cases, steps
 from uplift.drivers.process import say
 from uplift.drivers.results.folder import all_or_nothing, writable_folder
 from uplift.drivers.scene.scene import read_scene
 from uplift.meshes.checked import ModelError
 from uplift.solvers.errors import SolverError
 
-GROUPS = (penalties, supports, materials, thin_plates, steps, amplitudes, numbers, joints, meshes, static_cases, methods, windows, refusals)
+GROUPS = (
+    penalties, supports, materials, thin_plates, steps, amplitudes, numbers, joints, units, meshes, static_cases, methods, windows,
+    refusals,
+)
+"""In the order of the page."""
 
 
 def stability(comm: Any, scene: Path, out: Path, *, quick: bool, quiet: bool) -> bool:
