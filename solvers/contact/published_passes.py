@@ -69,7 +69,8 @@ def published_passes(
         if result.histories:
             difference = np.linalg.norm(history.probes - result.final.probes)
             result.change.append(_ratio(float(difference), float(np.linalg.norm(history.probes))))
-            log.info("pass %d: relative change of displacements %.1e, largest residual tension %.1e of the largest compression", result.number, result.change[-1], result.pull[-1])
+            words = "pass %d: relative change of displacements %.1e, largest residual tension %.1e of the largest compression"
+            log.info(words, result.number, result.change[-1], result.pull[-1])
         if not keep_all and len(result.histories) > 2:
             del result.histories[1]
         result.histories.append(history)

@@ -108,6 +108,6 @@ def test_paths_that_lead_nowhere(key, words):
 
 def test_every_case_is_checked_before_the_first_runs():
     with pytest.raises(ModelError, match="gap: expected >= 0 m, got -0.001"):
-        cases_of(read_scene(SCENE), SCENE.parent, [variation("supports.RESS.gap=0,-0.001")])
-    (_, scene), = cases_of(read_scene(SCENE), SCENE.parent, [variation("mesh.nx=8")])
+        cases_of(read_scene(SCENE), [variation("supports.RESS.gap=0,-0.001")])
+    (_, scene), = cases_of(read_scene(SCENE), [variation("mesh.nx=8")])
     assert scene.plate.nx == 8
