@@ -1,7 +1,8 @@
 """Signals as piecewise polynomials on intervals that end at every knot and at every archived instant.
 
-A table and a ramp are linear between their knots. A smooth signal is interpolated at Chebyshev points inside each interval, and the interval is
-halved until the polynomial is within TOLERANCE of the signal. A jump is a knot: interpolation uses inner points, so each side has its own value.
+A table and a ramp are linear between their knots. A smooth signal is interpolated at Chebyshev points inside each interval, which is
+halved until the polynomial is within TOLERANCE of the signal. A jump is a knot: interpolation uses inner points, so that each side of it
+has its own value.
 """
 
 from __future__ import annotations

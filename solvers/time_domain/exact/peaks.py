@@ -1,7 +1,7 @@
 """Largest and smallest values of observed quantities over all time, also between archived instants.
 
-A quantity is sampled a radian of the fastest oscillation apart. Where it turns between two samples it stays below the point where the tangents
-meet; only where that exceeds what was found so far is the turning point itself looked for, to round-off.
+A quantity is sampled a radian of the fastest oscillation apart. Where it turns between two samples it stays below the point where the
+tangents meet; only where that exceeds what was found so far is the turning point itself looked for, to round-off.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ from uplift.solvers.time_domain.exact.crossing import bracketed
 from uplift.solvers.time_domain.exact.event_march import Piece
 from uplift.solvers.time_domain.exact.observed import Observed
 from uplift.solvers.time_domain.exact.propagators import TERMS
-
 
 MAX_SETS = 50
 """Contact sets whose sampled rows are kept."""

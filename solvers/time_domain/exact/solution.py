@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from uplift.solvers.contact.step import ContactProblem, settled_release
-from uplift.solvers.errors import SolverError
 from uplift.solvers.history import Ledger
+from uplift.solvers.time_domain.exact.choice import LONGEST_ITERATED, MOST_HALVINGS, choose, contact_frequency
+from uplift.solvers.time_domain.exact.collocation import Collocation
 from uplift.solvers.time_domain.exact.contact_set import ContactSet
 from uplift.solvers.time_domain.exact.energies import Energies
 from uplift.solvers.time_domain.exact.event_march import Event, EventMarch, Piece
@@ -17,18 +17,7 @@ from uplift.solvers.time_domain.exact.forcing import Forcing, forcing
 from uplift.solvers.time_domain.exact.model import DenseModel
 from uplift.solvers.time_domain.exact.observed import Observed
 from uplift.solvers.time_domain.exact.peaks import Peaks
-
-
-@dataclass(frozen=True)
-class Start:
-    """What a march begins from."""
-
-    displacement: np.ndarray
-    """(n_dofs,)."""
-    velocity: np.ndarray
-    """(n_dofs,)."""
-    release: np.ndarray
-    """(n_c,) N."""
+from uplift.solvers.time_domain.exact.starts import Start
 
 
 @dataclass(frozen=True)
@@ -49,38 +38,116 @@ class ExactHistory:
     """(nt, n_c) m."""
     displacement: np.ndarray
     """(nt, n_dofs)."""
-    events: list[Event]
-    """In the order of time; none is known where contact forces are polynomials in time."""
+    events: list[Event] | None
+    """In the order of time; None where contact forces are polynomials in time."""
     peak_values: np.ndarray | None
     """(2, n_o + 2 n_c): largest and smallest value of outputs, contact forces and gaps, also between instants."""
     peak_times: np.ndarray | None
     """(2, n_o + 2 n_c) s."""
     ledger: Ledger | None
-    note: str
-    """What was done, for the summary."""
+    reason: str
+    """Which time integration was taken and why."""
+    error: float
+    """Estimate of the largest error in time of outputs and contact forces, as a part of their largest values: 0 from event to event."""
 
 
-def rest_start(model: DenseModel) -> Start:
-    """Return the state of no displacement, velocity and release force."""
-    n = len(model.mass)
-    return Start(np.zeros(n), np.zeros(n), np.zeros(len(model.names)))
+def solve(
+    model: DenseModel, instants: np.ndarray, start: Start, *, tolerance: float = 1e-6, peaks: bool = True, energy: bool = False
+) -> ExactHistory:
+    """Return the motion from `start` at the first of `instants` (nt,) s to the last, archived at each.
 
-
-def static_start(model: DenseModel) -> Start:
-    """Return the state of rest under the static loads, contacts lifted where they pull.
-
-    Raises `ModelError` if the loads lift or tip the structure off its contacts and nothing else holds it.
+    It is exact from event to event for few contacts; for many, contact forces are polynomials in steps that are halved until the error
+    in time is below `tolerance` of the largest value of each output. From event to event, `peaks` looks for extremes between instants and
+    `energy` keeps the ledger. Raises `SolverError` for a signal or a model that neither can take.
     """
-    values = np.array([h(np.zeros(1))[0] if static else 0.0 for h, static in zip(model.histories, model.static, strict=True)])
-    force = model.loads @ values
-    try:
-        answers = np.linalg.solve(model.stiffness, np.column_stack([force, model.push]))
-    except np.linalg.LinAlgError:
-        raise SolverError("nothing holds the structure: it has no static state") from None
-    pull = model.law.stiffness[:, None] * model.elongation
-    problem = ContactProblem(model.law, pull @ answers[:, 1:])
-    release = settled_release(problem, pull @ answers[:, 0], float(np.abs(force).max(initial=0.0)))
-    return Start(answers @ np.concatenate([[1.0], release]), np.zeros(len(force)), release)
+    system, loads = first_order(model), forcing(model.histories, instants)
+    interval = float(np.diff(instants).max())
+    choice = choose(system, interval)
+    if choice.events:
+        return from_events(model, system, loads, instants, start, reason=choice.reason, peaks=peaks, energy=energy)
+    step = interval
+    while contact_frequency(system) * step > LONGEST_ITERATED:
+        step /= 2
+    coarse = by_collocation(model, system, loads, instants, start, step=step)
+    while True:
+        step /= 2
+        fine = by_collocation(model, system, loads, instants, start, step=step)
+        error = difference(coarse, fine) / (2**KINK_ORDER - 1)
+        if error <= tolerance or step * 2**MOST_HALVINGS < LONGEST_ITERATED * interval:
+            return replace(fine, reason=f"{choice.reason}; degree 3, steps of {step:g} s", error=error)
+        coarse = fine
+
+
+KINK_ORDER = 3
+"""Order of the collocation while contacts change (measured in its test)."""
+
+
+def difference(one: ExactHistory, other: ExactHistory) -> float:
+    """Return the largest difference of outputs and of contact forces, as a part of the largest value of each kind in `other`.
+
+    Outputs count each by itself, contact forces together.
+    """
+    size = np.abs(other.outputs).max(axis=0, initial=0.0)
+    counted = size > 0
+    apart = np.abs(one.outputs - other.outputs).max(axis=0, initial=0.0)[counted] / size[counted]
+    force = np.abs(other.force).max(initial=0.0)
+    forces = np.abs(one.force - other.force).max(initial=0.0) / force if force > 0 else 0.0
+    return float(max(apart.max(initial=0.0), forces))
+
+
+def from_events(
+    model: DenseModel,
+    system: FirstOrder,
+    loads: Forcing,
+    instants: np.ndarray,
+    start: Start,
+    *,
+    reason: str = "",
+    peaks: bool = True,
+    energy: bool = False,
+) -> ExactHistory:
+    """Return the exact motion of a model, its `system` under its `loads` (see `solve`, which makes them; eight parameters therefore)."""
+    archive = _Archive(instants)
+    march = EventMarch(system, loads, model.law.flexibility, archive.observe)
+    observed = Observed(model, system, march.base)
+    archive.peaks = Peaks(observed) if peaks else None
+    archive.energies = Energies(model, march.base, observed) if energy else None
+    march.run(system.state(start.displacement, start.velocity), start.release > 0)
+    held = archive.peaks
+    outputs, accelerations, force, release, gap, displacement = _histories(observed, archive.states)
+    return ExactHistory(
+        instants, outputs, accelerations, force, release, gap, displacement,
+        events=march.events,
+        peak_values=held.value if held is not None else None,
+        peak_times=held.time if held is not None else None,
+        ledger=archive.energies.ledger() if archive.energies is not None else None,
+        reason=f"{reason}: {len(march.events)} events, {march.sets_made} sets",
+        error=0.0,
+    )
+
+
+def by_collocation(
+    model: DenseModel, system: FirstOrder, loads: Forcing, instants: np.ndarray, start: Start, *, order: int = 3, step: float
+) -> ExactHistory:
+    """Return the motion with contact forces of degree `order` in steps of at most `step` s (see `solve`; seven parameters therefore).
+
+    Accelerations lack what loads and contact forces add to massless dofs at once. Raises `SolverError` if contacts are too stiff for
+    the step.
+    """
+    march = Collocation(system, loads, order, step)
+    states, release = march.run(system.state(start.displacement, start.velocity))
+    rows = np.searchsorted(loads.edges, instants)
+    states, release = states[rows], release[rows]
+    base, n = march.base, march.base.n
+    displacement = states @ base.rows(system.T, system.U).T + release @ system.W.T
+    tension = states @ base.rows(system.Q, system.D).T + release @ system.E.T
+    outputs = displacement @ model.outputs.T + release @ model.output_release.T + model.output_constant
+    rate = states[:, :n] @ system.A.T + states @ base.F.T @ system.B.T + release @ system.P.T
+    acceleration = rate @ (model.outputs @ system.T @ system.A).T
+    return ExactHistory(
+        instants, outputs, acceleration, release - tension, release, release * model.law.flexibility, displacement,
+        events=None, peak_values=None, peak_times=None, ledger=None, reason="", error=float("nan"),
+    )
 
 
 class _Archive:
@@ -103,40 +170,6 @@ class _Archive:
             self.peaks.observe(piece)
 
 
-def exact_history(
-    model: DenseModel, instants: np.ndarray, start: Start, *, peaks: bool = True, energy: bool = False
-) -> ExactHistory:
-    """Return the exact motion from `start` at the first of `instants` (nt,) s to the last, archived at each.
-
-    `peaks` looks for extremes between instants, `energy` keeps the ledger. Raises `SolverError` for a signal or a model that the
-    march cannot take.
-    """
-    system, loads = first_order(model), forcing(model.histories, instants)
-    archive = _Archive(instants)
-    march = EventMarch(system, loads, model.law.flexibility, archive.observe)
-    observed = Observed(model, system, march.base)
-    archive.peaks = Peaks(observed) if peaks else None
-    archive.energies = Energies(model, march.base, observed) if energy else None
-    march.run(started(system, loads, start), start.release > 0)
-    held = archive.peaks
-    return ExactHistory(
-        instants,
-        *_histories(observed, archive.states),
-        march.events,
-        held.value if held is not None else None,
-        held.time if held is not None else None,
-        archive.energies.ledger() if archive.energies is not None else None,
-        f"{len(march.events)} contact events, {march.sets_made} sets of open contacts",
-    )
-
-
-def started(system: FirstOrder, loads: Forcing, start: Start) -> np.ndarray:
-    """Return the state (n,) of the system at the first edge of its loads."""
-    values = loads.constant.copy()
-    values[loads.varying] = loads.coefficients[0, :, 0]
-    return system.state(start.displacement, start.velocity, values, start.release)
-
-
 def _histories(observed: Observed, states: list[tuple[ContactSet, np.ndarray]]) -> list[np.ndarray]:
     """Return outputs, accelerations, contact forces, release forces, gaps and displacements, set by set."""
     n_o, n_c = observed.n_outputs, observed.n_contacts
@@ -154,4 +187,6 @@ def _histories(observed: Observed, states: list[tuple[ContactSet, np.ndarray]]) 
         whole = np.stack([states[row][1] for row in rows])
         for target, part in zip(found, parts, strict=True):
             target[rows] = whole @ part.T
+    for one_sided in found[2:5]:  # at an event they are zero to round-off, of either sign
+        np.maximum(one_sided, 0.0, out=one_sided)
     return found
