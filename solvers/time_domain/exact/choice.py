@@ -44,7 +44,7 @@ def choose(system: FirstOrder, interval: float) -> Choice:
     return Choice(False, f"by collocation: {n_c} contacts, more than {FEW_CONTACTS}, whose sets of open contacts hardly come back")
 
 
-LONGEST_ITERATED = 0.5
-"""Contact frequency times step up to which the collocation's iteration contracts fast: by 1/8 at least."""
+LONGEST_ITERATED = 1.0
+"""Contact frequency times step up to which the iteration of the collocation contracts, by 1/2 at least."""
 MOST_HALVINGS = 6
 """Of the archived interval that a collocation is worth."""

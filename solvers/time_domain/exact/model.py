@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from scipy import linalg, sparse
 
 from uplift.forms.contact.law import UpliftLaw
-from uplift.forms.operators import Functionals, Operators
+from uplift.forms.operators import Operators
 from uplift.meshes.checked import ModelError
 
 
@@ -49,6 +51,7 @@ class DenseModel:
     output_constant: np.ndarray
     """(n_o,)."""
     output_names: tuple[str, ...]
+    output_units: tuple[str, ...]
     springs: np.ndarray
     """(n, n) N/m: the part of K that is plain springs and bonded joints."""
     unilateral: np.ndarray
@@ -68,20 +71,13 @@ def dense_model(operators: Operators) -> DenseModel:
     if law.mass.any():
         raise ModelError("supports", "the exact method takes joints without mass: set mass = 0, or take a method that steps in time")
     n = operators.n
-    probes, elongation = _dense(operators.probes, n), _dense(operators.contacts.elongation, n)
-    outputs, release, constant = [probes], [np.zeros((len(probes), law.n_channels))], [np.zeros(len(probes))]
-    names = operators.probes.names
-    if operators.reactions is not None:
-        reactions = operators.reactions
-        outputs.append(_dense(reactions.functionals, n))
-        release.append(reactions.per_release)
-        constant.append(reactions.constant)
-        names = (*names, *reactions.functionals.names)
+    layout, linear = operators.outputs.layout, _dense(operators.outputs.local, n, operators.comm)
+    kept = [group for group in operators.outputs.groups if group.name != "elongation"]
     damping = operators.damping
     return DenseModel(
-        mass=_whole(operators.mass),
-        damping=np.zeros((n, n)) if damping is None else _whole(damping),
-        stiffness=_whole(operators.stiffness),
+        mass=whole_matrix(operators.mass),
+        damping=np.zeros((n, n)) if damping is None else whole_matrix(damping),
+        stiffness=whole_matrix(operators.stiffness),
         loads=_stacked(operators, np.stack([np.real(load.vector.array_r) for load in operators.loads], axis=1))
         if operators.loads
         else np.zeros((n, 0)),
@@ -89,16 +85,21 @@ def dense_model(operators: Operators) -> DenseModel:
         static=tuple(load.static for load in operators.loads),
         internal=tuple(load.internal for load in operators.loads),
         push=_stacked(operators, operators.contacts.push.toarray()),
-        elongation=elongation,
+        elongation=linear[layout["elongation"]],
         law=law,
         names=operators.contacts.names,
-        outputs=np.concatenate(outputs),
-        output_release=np.concatenate(release),
-        output_constant=np.concatenate(constant),
-        output_names=names,
+        outputs=np.concatenate([linear[layout[group.name]] for group in kept]),
+        output_release=np.concatenate([_or_zero(group.per_support_force, (len(group.names), law.n_channels)) for group in kept]),
+        output_constant=np.concatenate([_or_zero(group.constant, (len(group.names),)) for group in kept]),
+        output_names=tuple(name for group in kept for name in group.names),
+        output_units=tuple(unit for group in kept for unit in group.units),
         springs=_square(operators, operators.bonded_springs.toarray()),
         unilateral=_square(operators, operators.unilateral_springs.toarray()),
     )
+
+
+def _or_zero(values: np.ndarray | None, shape: tuple[int, ...]) -> np.ndarray:
+    return np.zeros(shape) if values is None else values
 
 
 def _stacked(operators: Operators, local: np.ndarray) -> np.ndarray:
@@ -106,25 +107,20 @@ def _stacked(operators: Operators, local: np.ndarray) -> np.ndarray:
     return np.concatenate(operators.comm.allgather(np.ascontiguousarray(local)))
 
 
-def _whole(matrix: object) -> np.ndarray:
-    """Return a PETSc matrix as an array (n, n)."""
-    from scipy import sparse
-
-    indptr, indices, data = matrix.getValuesCSR()  # type: ignore[attr-defined]
-    shape = (matrix.getLocalSize()[0], matrix.getSize()[1])  # type: ignore[attr-defined]
+def whole_matrix(matrix: Any) -> np.ndarray:
+    """Return a PETSc matrix as an array (n, n) on every rank (collective)."""
+    indptr, indices, data = matrix.getValuesCSR()
+    shape = (matrix.getLocalSize()[0], matrix.getSize()[1])
     local = sparse.csr_matrix((np.real(data), indices, indptr), shape=shape).toarray()
-    return np.concatenate(matrix.comm.tompi4py().allgather(local))  # type: ignore[attr-defined]
+    return np.concatenate(matrix.comm.tompi4py().allgather(local))
 
 
-def _dense(functionals: Functionals, n: int) -> np.ndarray:
-    """Return the weights (n_functionals, n) on the whole solution."""
-    parts = functionals.comm.allgather(functionals.local.toarray())
-    return np.concatenate(parts, axis=1).reshape(-1, n)
+def _dense(local: sparse.csr_matrix, n: int, comm: Any) -> np.ndarray:
+    """Return rows (k, n) on the whole solution from each rank's part of them."""
+    return np.concatenate(comm.allgather(local.toarray()), axis=1).reshape(-1, n)
 
 
 def _square(operators: Operators, local: np.ndarray) -> np.ndarray:
     """Return blocks (n_local, n_local) of all ranks as the diagonal blocks of one matrix (n, n)."""
-    from scipy.linalg import block_diag
-
-    whole: np.ndarray = block_diag(*operators.comm.allgather(local))
+    whole: np.ndarray = linalg.block_diag(*operators.comm.allgather(local))
     return whole

@@ -57,7 +57,7 @@ def solve(
     """Return the motion from `start` at the first of `instants` (nt,) s to the last, archived at each.
 
     It is exact from event to event for few contacts; for many, contact forces are polynomials in steps that are halved until the error
-    in time is below `tolerance` of the largest value of each output. From event to event, `peaks` looks for extremes between instants and
+    in time is below `tolerance` of the largest output of each unit. From event to event, `peaks` looks for extremes between instants and
     `energy` keeps the ledger. Raises `SolverError` for a signal or a model that neither can take.
     """
     system, loads = first_order(model), forcing(model.histories, instants)
@@ -72,7 +72,8 @@ def solve(
     while True:
         step /= 2
         fine = by_collocation(model, system, loads, instants, start, step=step)
-        error = difference(coarse, fine) / (2**KINK_ORDER - 1)
+        apart = differences(model, fine, coarse.outputs, coarse.force)
+        error = apart.relative / (2**KINK_ORDER - 1)
         if error <= tolerance or step * 2**MOST_HALVINGS < LONGEST_ITERATED * interval:
             return replace(fine, reason=f"{choice.reason}; degree 3, steps of {step:g} s", error=error)
         coarse = fine
@@ -82,17 +83,30 @@ KINK_ORDER = 3
 """Order of the collocation while contacts change (measured in its test)."""
 
 
-def difference(one: ExactHistory, other: ExactHistory) -> float:
-    """Return the largest difference of outputs and of contact forces, as a part of the largest value of each kind in `other`.
+@dataclass(frozen=True)
+class Differences:
+    """How far other histories are from a solution, at its instants."""
 
-    Outputs count each by itself, contact forces together.
+    outputs: np.ndarray
+    """(n_o,): largest difference of each output, in its unit."""
+    force: np.ndarray
+    """(n_c,) N: of each contact force."""
+    relative: float
+    """The largest of all, as a part of the largest value of any output with the same unit, or of any contact force."""
+
+
+def differences(model: DenseModel, solution: ExactHistory, outputs: np.ndarray, force: np.ndarray) -> Differences:
+    """Return how far `outputs` (nt, n_o) and contact forces `force` (nt, n_c) N are from a solution at the same instants.
+
+    That is the error in time of another time integration of the same model, as far as the solution has none.
     """
-    size = np.abs(other.outputs).max(axis=0, initial=0.0)
-    counted = size > 0
-    apart = np.abs(one.outputs - other.outputs).max(axis=0, initial=0.0)[counted] / size[counted]
-    force = np.abs(other.force).max(initial=0.0)
-    forces = np.abs(one.force - other.force).max(initial=0.0) / force if force > 0 else 0.0
-    return float(max(apart.max(initial=0.0), forces))
+    apart = np.abs(outputs - solution.outputs).max(axis=0, initial=0.0)
+    apart_force = np.abs(force - solution.force).max(axis=0, initial=0.0)
+    units = np.array(model.output_units)
+    pairs = [(apart[units == unit], solution.outputs[:, units == unit]) for unit in set(model.output_units)]
+    pairs.append((apart_force, solution.force))
+    sizes = [(float(a.max(initial=0.0)), float(np.abs(whole).max(initial=0.0))) for a, whole in pairs]
+    return Differences(apart, apart_force, max((a / size for a, size in sizes if size > 0), default=0.0))
 
 
 def from_events(
