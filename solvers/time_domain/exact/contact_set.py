@@ -81,7 +81,7 @@ class ContactSet:
         later = first + first @ self.steps[self.samples]
         for level in range(self.samples, 0, -1):
             later = np.concatenate([later, later + later @ self.steps[level]])
-        return np.concatenate([first, later]).reshape(-1, 2, *rows.shape)
+        return np.concatenate([first, later]).reshape(1 + 2**self.samples, 2, *rows.shape)
 
     def watched(self, state: np.ndarray, level: int) -> np.ndarray:
         """Return margins N and rates N/s (n, 2, n_c) from a state on, at the samples of a step H / 2^level or at its ends."""
