@@ -105,15 +105,16 @@ class EventMarch:
 
     def _step(self, state: np.ndarray, regime: ContactSet, time: float, level: int) -> tuple[float, np.ndarray, int]:
         """Walk one step H / 2^level or up to the event in it: return the time walked, the state and the contact that changes, or -1."""
-        values = regime.watched(state, level)
+        values, spacing = regime.watched(state, level), regime.unit / 2 ** max(level, regime.samples)
+        if self._far_from_events(values, spacing):
+            return regime.unit / 2**level, self._clean(state, regime, time, 0.0, level)[0], -1
         wrong = self._changed(values[0])
         if wrong >= 0:
             return 0.0, state, wrong
-        doubtful = self._doubtful(values, regime.unit / 2 ** max(level, regime.samples)).any(axis=1)
+        doubtful = self._doubtful(values, spacing).any(axis=1)
         first = int(np.argmax(doubtful))
         if not doubtful[first]:
-            self._observe(Piece(regime, time, regime.unit / 2**level, level, state))
-            return regime.unit / 2**level, regime.advance(state, level), -1
+            return regime.unit / 2**level, self._clean(state, regime, time, 0.0, level)[0], -1
         walked = 0.0
         for bit in range(regime.samples - level, -1, -1):
             if first >> bit & 1:
@@ -154,6 +155,17 @@ class EventMarch:
     @property
     def _small(self) -> float:
         return ROUND_OFF * self._largest
+
+    def _far_from_events(self, values: np.ndarray, spacing: float) -> bool:
+        """Return whether margins (n, 2, n_c) are so large that none can reach zero between samples `spacing` s apart.
+
+        The tangents at the ends of a sample meet at most half a sample's steepest fall below the smaller end.
+        """
+        margins = values[:, 0]
+        far = float(margins.min(initial=np.inf)) > 0.5 * spacing * float(np.abs(values[:, 1]).max(initial=0.0))
+        if far:
+            self._largest = max(self._largest, float(margins.max(initial=0.0)))
+        return far
 
     def _changed(self, values: np.ndarray) -> int:
         """Return the first contact whose margin (2, n_c: value, rate) is below zero or about to be, or -1."""

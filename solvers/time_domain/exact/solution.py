@@ -128,6 +128,8 @@ def from_events(
     archive.energies = Energies(model, march.base, observed) if energy else None
     march.run(system.state(start.displacement, start.velocity), start.release > 0)
     held = archive.peaks
+    if held is not None:
+        held.finish()
     outputs, accelerations, force, release, gap, displacement = _histories(observed, archive.states)
     return ExactHistory(
         instants, outputs, accelerations, force, release, gap, displacement,
