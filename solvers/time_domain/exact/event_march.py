@@ -24,6 +24,8 @@ from uplift.solvers.time_domain.exact.propagators import advanced
 
 ROUND_OFF = 1e-13
 """A force below this part of the largest contact force so far counts as zero."""
+MOST_EVENTS = 1000
+"""Of one contact within one interval of the loads: more of them make no progress in time."""
 KEPT_BYTES = 500_000_000
 """Of the matrices of contact sets that are kept for another visit."""
 
@@ -91,7 +93,10 @@ class EventMarch:
     def _interval(self, state: np.ndarray, regime: ContactSet, begin: float, length: float) -> tuple[np.ndarray, ContactSet]:
         """Return state and set at the end of an interval of the loads."""
         position, end = 0.0, length * (1 - 1e-13)
+        most = len(self.events) + MOST_EVENTS * (len(regime.open) + 1)
         while position < end:
+            if len(self.events) > most:
+                raise SolverError(f"contacts open and close without end at {begin + position:.6g} s")
             left = length - position
             level = regime.level_within(left)
             if level < 0:

@@ -52,7 +52,7 @@ class FirstOrder:
     W: np.ndarray
     """(n_dofs, n_c)."""
     fastest: float
-    """rad/s, the highest natural frequency with contacts bonded."""
+    """rad/s, a bound for the fastest oscillation of any set of open contacts (see `_fastest`)."""
     to_state: np.ndarray
     """(n, 2 n_dofs): state per displacement and velocity."""
 
@@ -222,5 +222,19 @@ def _assembled(model: DenseModel, condensed: _Condensed, modes: np.ndarray, omeg
     to_state[y, : len(model.mass)] = root[:, None] * condensed.relaxed_part
     return FirstOrder(
         A=A, B=G[:, :n_l], P=G[:, n_l:], Q=tension, D=direct[:, :n_l], E=direct[:, n_l:], T=T, U=W[:, :n_l], W=W[:, n_l:],
-        fastest=float(omega.max(initial=0.0)), to_state=to_state,
+        fastest=_fastest(A, omega), to_state=to_state,
     )
+
+
+def _fastest(A: np.ndarray, omega: np.ndarray) -> float:
+    """Return a bound for the frequency in rad/s at which margins oscillate, from the bonded generator and its natural frequencies (n,).
+
+    No set of open contacts has a higher natural frequency than the bonded model. Where damping keeps the highest modes from oscillating,
+    twice the largest imaginary part of the bonded spectrum takes their place: an open contact takes an undamped spring away.
+    """
+    highest = float(omega.max(initial=0.0))
+    n = len(omega)
+    rate = -0.5 * np.diag(A)[n : 2 * n]
+    if np.sqrt(np.maximum(omega**2 - rate**2, 0.0)).max(initial=0.0) > 0.5 * highest:
+        return highest
+    return min(highest, 2 * float(np.abs(np.linalg.eigvals(A).imag).max(initial=0.0)))
