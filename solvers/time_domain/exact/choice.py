@@ -10,6 +10,10 @@ from uplift.solvers.time_domain.exact.first_order import FirstOrder
 
 FEW_CONTACTS = 20
 """Up to so many, sets of open contacts come back often enough that the march from event to event is the cheaper one (measured)."""
+LONGEST_ITERATED = 1.0
+"""Contact frequency times step up to which the iteration of the collocation contracts, by 1/2 at least."""
+MOST_HALVINGS = 6
+"""Of the archived interval that a collocation is worth."""
 
 
 @dataclass(frozen=True)
@@ -42,9 +46,3 @@ def choose(system: FirstOrder, interval: float) -> Choice:
         words = f"contacts of {frequency:.3g} rad/s are too stiff for forces that are polynomials in time, at instants {interval:g} s apart"
         return Choice(True, f"from event to event: {words}")
     return Choice(False, f"by collocation: {n_c} contacts, more than {FEW_CONTACTS}, whose sets of open contacts hardly come back")
-
-
-LONGEST_ITERATED = 1.0
-"""Contact frequency times step up to which the iteration of the collocation contracts, by 1/2 at least."""
-MOST_HALVINGS = 6
-"""Of the archived interval that a collocation is worth."""

@@ -15,6 +15,9 @@ from uplift.solvers.time_domain.exact.first_order import FirstOrder
 from uplift.solvers.time_domain.exact.forcing import Forcing
 from uplift.solvers.time_domain.exact.propagators import TERMS, advanced, doubled, halvings
 
+MOST_SAMPLES = 9
+"""log2 of the samples of a step: each holds rows of all contacts."""
+
 
 class Augmented:
     """The system with its loads as states: what all sets of contacts share."""
@@ -22,7 +25,7 @@ class Augmented:
     def __init__(self, system: FirstOrder, loads: Forcing) -> None:
         """Append the constant one and the coefficients of the varying loads to the state."""
         n, n_v, per_load = len(system.A), len(loads.varying), loads.degree + 1
-        self.system, self.unit, self.n = system, loads.unit, n
+        self.system, self.n = system, n
         self.size = n + 1 + n_v * per_load
         self.F = np.zeros((len(loads.constant), self.size))
         """(n_loads, N): load values per state."""
@@ -34,8 +37,11 @@ class Augmented:
             self.F[load, first] = 1.0
             for power in range(1, per_load):
                 self.shift[first + power - 1, first + power] = power / loads.unit
-        self.samples = max(0, math.ceil(math.log2(max(system.fastest * loads.unit, 1.0))))
-        """log2 of how many samples of an interval resolve the fastest bonded oscillation by a radian."""
+        samples = max(0, math.ceil(math.log2(max(system.fastest * loads.unit, 1.0))))
+        self.samples = min(samples, MOST_SAMPLES)
+        """log2 of how many samples of a unit resolve the fastest oscillation by a radian."""
+        self.unit = loads.unit / 2 ** (samples - self.samples)
+        """s, the longest step: the most frequent interval of the loads, or a part of it that is not too large to be sampled."""
 
     def rows(self, of_x: np.ndarray, of_f: np.ndarray) -> np.ndarray:
         """Return rows (k, N) of X from rows of x (k, n) and of f (k, n_loads)."""

@@ -10,7 +10,7 @@ counted from its static answer to the others; where the damping is proportional 
 
 Modes so stiff that their own oscillation adds nothing, such as those of a spring of 5e14 N/m that holds a node, follow their forces
 statically, with their compliance, as a static (Guyan) condensation of the node would have it. What damping adds to their motion is left
-out with their inertia: measured on SDLS119, 1e-9 of the answer to a harmonic load at most.
+out with their inertia: measured on SDLS119, 1e-9 of the answer to a harmonic load to 50 Hz, 3e-8 with a plate a thousand times as stiff.
 """
 
 from __future__ import annotations
