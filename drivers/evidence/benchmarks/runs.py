@@ -128,6 +128,6 @@ class Runner:
 def mesh_in_words(assembly: AssembledScene) -> str:
     """Return kinematics, number and shape of the cells, and the degree of the displacement (collective)."""
     tagged: TaggedMesh = assembly.tagged
-    cell = tagged.mesh.ufl_domain().ufl_cell().cellname()
+    cell = tagged.mesh.topology.cell_type.name
     number = tagged.mesh.topology.index_map(2).size_global
     return f"{assembly.plate.kind}, {number} {cell}s of degree {degree_of(assembly.plate.kind, assembly.scene.plate.degree, cell)}"
