@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from uplift.drivers.process import PETSC, SLEPC
+from uplift.drivers.petsc_installation import installation
 
 ROOT = Path(__file__).parents[1]
-COMPLEX = {"PETSC_DIR": str(PETSC / "petsc-complex"), "SLEPC_DIR": str(SLEPC / "slepc-complex")}
+COMPLEX = dict(installation().builds.get("complex", {}))
 AS_ROOT = {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1", "OMP_NUM_THREADS": "1"}
 
 
