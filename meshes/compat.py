@@ -34,7 +34,6 @@ _mesh: Any = importlib.import_module("dolfinx.mesh")
 
 _RELEASE = tuple(int(number) for number in dolfinx.__version__.split(".")[:2])
 _IS_05, _FROM_10, _FROM_11 = _RELEASE < (0, 6), _RELEASE >= (0, 10), _RELEASE >= (0, 11)
-_gmsh: Any = importlib.import_module("dolfinx.io.gmsh" if _FROM_10 else "dolfinx.io.gmshio")
 
 
 def vector_space(mesh: Mesh, degree: int, components: int) -> Space:
@@ -71,10 +70,12 @@ def distribute(model: Any, comm: Any, gdim: int) -> tuple[Mesh, Any, Any]:
 
     In space, where plates meet along joints, cells are shared out so that no joint comes open (`uplift.meshes.partition`).
     """
+    # Not at the head of the module: 0.5 imports gmsh with it, and that gmsh can be loaded is found out when a mesh is made.
+    gmsh_io: Any = importlib.import_module("dolfinx.io.gmsh" if _FROM_10 else "dolfinx.io.gmshio")
     # A joint of plates is a side of any number of cells.
     links: dict[str, Any] = {"max_facet_to_cell_links": None} if _FROM_11 and gdim == 3 else {}
     if gdim == 2 or comm.size == 1:
-        return _mesh_and_tags(_gmsh.model_to_mesh(model, comm, 0, gdim=gdim, **links))
+        return _mesh_and_tags(gmsh_io.model_to_mesh(model, comm, 0, gdim=gdim, **links))
     library = _mesh.create_cell_partitioner(*(() if _IS_05 else (_mesh.GhostMode.none,)), *links.values())
 
     def partitioner(comm: Any, parts: int, kind: Any, cells: Any, *ghost_mode: Any) -> Any:
@@ -89,11 +90,11 @@ def distribute(model: Any, comm: Any, gdim: int) -> tuple[Mesh, Any, Any]:
         return type(found)(keep_joints_whole(vertices, owners), np.arange(len(owners) + 1, dtype=np.int32))
 
     if not _IS_05:
-        return _mesh_and_tags(_gmsh.model_to_mesh(model, comm, 0, gdim=gdim, partitioner=partitioner, **links))
+        return _mesh_and_tags(gmsh_io.model_to_mesh(model, comm, 0, gdim=gdim, partitioner=partitioner, **links))
     # This release takes no partitioner here: it gets ours through the function that it calls.
     create_mesh = partial(_mesh.create_mesh, ghost_mode=_mesh.GhostMode.none, partitioner=partitioner)
-    with patch.object(_gmsh, "create_mesh", create_mesh):
-        return _mesh_and_tags(_gmsh.model_to_mesh(model, comm, 0, gdim=gdim))
+    with patch.object(gmsh_io, "create_mesh", create_mesh):
+        return _mesh_and_tags(gmsh_io.model_to_mesh(model, comm, 0, gdim=gdim))
 
 
 def _mesh_and_tags(made: Any) -> tuple[Any, Any, Any]:
