@@ -14,6 +14,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -93,6 +94,15 @@ def require_scalars(scalars: Scalars) -> None:
     here = "complex" if issubclass(PETSc.ScalarType, complex) else "real"
     if here != scalars:
         raise RuntimeError(f"this method needs the {scalars} build of PETSc, and this process has the {here} one; set PETSC_DIR")
+
+
+def launcher(ranks: int) -> list[str]:
+    """Return the words before a command that start it on several ranks, with the MPI of this interpreter; none for one rank."""
+    if ranks == 1:
+        return []
+    if find_spec("dolfinx_solver"):  # the wheels bring mpich into the same environment: another launcher's ranks would not find each other
+        return [str(Path(sys.executable).with_name("mpiexec")), "-n", str(ranks)]
+    return [shutil.which("mpirun") or "mpirun", "--oversubscribe", "-n", str(ranks)]
 
 
 def launch_rank() -> int:

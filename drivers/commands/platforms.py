@@ -19,6 +19,8 @@ def add(commands: Any) -> None:
     )
     parser.add_argument("folders", type=Path, nargs="*", metavar="FOLDER", help="recorded platforms, the first one being the reference")
     parser.add_argument("--record", type=Path, metavar="FOLDER", help="record this platform into a new folder")
+    parser.add_argument("--meshes", type=Path, metavar="FOLDER",
+                        help="with --record: mesh files of the benchmarks, kept there or read from there (default: meshes in the folder)")
     add_page(parser, "platforms", "platforms.md")
     parser.set_defaults(command=command, quiet=True)
 
@@ -30,7 +32,7 @@ def command(options: argparse.Namespace, begin: float) -> int:
         with process.parallel():
             from uplift.drivers.evidence.platforms.record import record
 
-            return 0 if record(options.record) else process.FAILED
+            return 0 if record(options.record, options.meshes or options.record / "meshes") else process.FAILED
     from uplift.drivers.evidence.platforms.page import platforms
 
     return 0 if platforms(options.folders, options.out) else process.FAILED

@@ -208,3 +208,11 @@ def test_the_wheels_load_mpi_before_what_links_to_it_and_not_sooner(module, tmp_
     program = f"import sys; sys.path.insert(0, {str(tmp_path)!r}); import uplift; print('uplift'); import {module}, {module}"
     done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, timeout=60)
     assert (done.stdout.split(), done.stderr) == (["uplift", "mpi", module], "")
+
+
+def test_ranks_are_started_by_the_mpi_of_the_same_environment(monkeypatch):
+    assert process.launcher(1) == []
+    monkeypatch.setattr(process, "find_spec", lambda name: None)
+    assert process.launcher(2)[-3:] == ["--oversubscribe", "-n", "2"]
+    monkeypatch.setattr(process, "find_spec", lambda name: name == "dolfinx_solver")
+    assert process.launcher(3) == [str(Path(sys.executable).parent / "mpiexec"), "-n", "3"]

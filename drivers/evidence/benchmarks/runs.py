@@ -90,8 +90,8 @@ class Runner:
     """Whether cases with several meshes shall run the smaller ones only."""
 
     def file(self, name: str, write: Callable[..., None], *arguments: Any) -> dict[str, Any]:
-        """Write a mesh file on rank 0 by `write(path, *arguments)`; return the section [mesh] that reads it."""
-        if self.comm.rank == 0:
+        """Write a mesh file on rank 0 by `write(path, *arguments)` unless it is there; return the section [mesh] that reads it."""
+        if self.comm.rank == 0 and not (self.folder / name).exists():
             write(self.folder / name, *arguments)
         self.comm.barrier()
         return {"file": name}

@@ -120,9 +120,10 @@ def _text(names: list[str], facts: list[dict[str, Any]], found: dict[tuple[str, 
         "# The same numbers on all releases", "",
         "The quick pages of evidence are made on each release of the libraries, in the complex build, and their tables compared number by "
         "number with those of the first one. Two numbers agree if they are printed alike, or are one unit of the last printed digit apart. "
-        "Columns that state the size of round-off are left out.", "",
+        "Columns that state the size of round-off are left out. Meshes without structure, which each release of gmsh makes in its own way, "
+        "are those of the first one.", "",
         "Each release is recorded on its own machine or in its own container, and the folders are then compared:", "",
-        "    python3 -m drivers platforms --record FOLDER",
+        "    python3 -m drivers platforms --record FOLDER --meshes MESHES",
         "    python3 -m drivers platforms FOLDER FOLDER ... --out docs/platforms.md", "",
         "| | " + " | ".join(names) + " |", "|---" * (len(names) + 1) + "|",
         "| system | " + " | ".join(fact["system"] for fact in facts) + " |",

@@ -34,15 +34,19 @@ LAUNCHED = ("OMPI_COMM", "PMIX", "PMI_", "PRTE")
 """Beginnings of the variables by which an MPI launcher makes a process one of its ranks."""
 
 
-def record(folder: Path) -> bool:
-    """Run the quick pages into `folder`, with their processor times; return whether all commands succeed."""
+def record(folder: Path, meshes: Path) -> bool:
+    """Run the quick pages into `folder`, with their processor times; return whether all commands succeed.
+
+    The folder `meshes` holds the mesh files of the benchmarks, which differ between releases of gmsh; what it lacks is written there.
+    """
     writable_folder(folder)
     if (folder / FACTS).exists():
         raise ModelError("--record", f"{folder} holds a platform already; name another folder")
     good, seconds = True, {}
     for page, command in COMMANDS.items():
         out = folder / page if page == "verify" else folder / f"{page}.md"
-        code, text, first = _timed([*command, "--out", str(out)])
+        stored = ["--meshes", str(meshes)] if page == "benchmarks" else []
+        code, text, first = _timed([*command, *stored, "--out", str(out)])
         if page == "verify":
             (folder / "verify.md").write_text(text, encoding="utf-8")
         good &= code == 0
