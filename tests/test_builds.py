@@ -40,8 +40,8 @@ def test_ranks_agree(options, tmp_path):
 @pytest.mark.serial
 @pytest.mark.parametrize(("scalars", "ranks"), [("complex", 1), ("real", 2), ("real", 3), ("complex", 2)])
 def test_other_builds(scalars, ranks, tmp_path):
-    command = [*launcher(ranks), sys.executable, "-m", "mpi4py", "-m", "pytest", "-q", "-x", "--color=no", f"--basetemp={tmp_path / 'child'}",
-               "-p", "no:cacheprovider", str(ROOT / "tests")]
+    command = [*launcher(ranks), sys.executable, "-m", "mpi4py", "-m", "pytest", "-q", "-x", "--color=no",
+               f"--basetemp={tmp_path / 'child'}", "-p", "no:cacheprovider", str(ROOT / "tests")]
     environment = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_COMM", "PMIX"))} | AS_ROOT
     environment |= COMPLEX if scalars == "complex" else {}
     done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=900)
