@@ -134,7 +134,8 @@ def _text(names: list[str], facts: list[dict[str, Any]], found: dict[tuple[str, 
         *(line for (page, name), c in found.items() if c.apart
           for line in (f"Apart in `{page}` on {name}:", "", *(f"- {text}" for text in c.apart), "")),
         "## Times", "", f"Processor time in parts of that of the first release, one rank on {facts[0]['processor']}; "
-        "start-up is `check --no-mesh`, which loads the libraries and little else.", "",
+        "start-up is `check --no-mesh`, which loads the libraries and little else. The compilation of forms that are not in the cache of a "
+        "release is part of its times.", "",
         "| | " + " | ".join(names) + " |", "|---" + "|---:" * len(names) + "|",
         *(f"| {key} | " + " | ".join(f"{fact['seconds'][key] / facts[0]['seconds'][key]:.2f}" for fact in facts) + " |"
           for key in facts[0]["seconds"]),
