@@ -5,12 +5,16 @@ imported before it is used, so that `choose_scalars` can still choose between re
 """
 
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 _here = Path(__file__).parent
 # In a checkout the folder of this file holds the rooms; installed, the folder `uplift` beside it does.
 __path__ = [str(_here / "uplift" if (_here / "uplift").is_dir() else _here)]
+
+if find_spec("dolfinx_solver"):
+    import_module("uplift.meshes.mpi_first")
 
 _FACE = {
     "ModelError": "meshes.checked",

@@ -17,6 +17,7 @@ from uplift.drivers.commands import (
     modes,
     new,
     pareto,
+    platforms,
     report,
     run,
     scale,
@@ -33,7 +34,7 @@ from uplift.solvers.errors import SolverError, Stopped
 
 COMMANDS = (
     run, check, new, schema, mesh, modes, truncation, study, compare, report,
-    verify, cost, scale, pareto, survey, stability, benchmarks,
+    verify, cost, scale, pareto, survey, stability, benchmarks, platforms,
 )
 """In the order of the help."""
 

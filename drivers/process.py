@@ -7,27 +7,31 @@ import logging
 import os
 import shutil
 import signal
+import subprocess
 import sys
+import sysconfig
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
+from uplift.drivers.petsc_installation import Scalars, installation
 from uplift.meshes.checked import ModelError
 from uplift.meshes.findings import Finding
+from uplift.meshes.findings import say as tell_finding
 from uplift.solvers.errors import SolverError, Stopped
-
-Scalars = Literal["real", "complex"]
 
 BAD_INPUT, FAILED = 2, 1
 """Exit codes."""
 
-PETSC = Path("/usr/lib/petscdir")
-SLEPC = Path("/usr/lib/slepcdir")
-"""Where Debian installs the real and the complex build side by side."""
+COMPLEX_COST = "two to three times as long and up to twice the memory"
+"""A transient run of 16,788 dofs: 17 s of processor time instead of 9, and its steps alone 3 times as much; factors of MUMPS double."""
 
+COMPILER = "gcc libc6-dev python3-dev"
+"""Debian's packages by which forms are compiled; an interpreter that is not Debian's brings its own headers in place of the last one."""
 
 PATIENCE = 20.0
 """s that a rank with an error waits for the others to have it too, before it ends them."""
@@ -41,18 +45,46 @@ def program() -> str:
 def choose_scalars(scalars: Scalars) -> None:
     """Continue in a process whose PETSc has `scalars`; to be called before PETSc is imported.
 
-    The build is chosen by the environment of the process at its start, so where it is the other one the process
-    replaces itself. Outside Debian's layout nothing is done, and `require_scalars` speaks up.
+    The build is chosen by the environment of the process at its start, so where it is the other one the process replaces itself: by
+    the interpreter that UPLIFT_REAL_PYTHON or UPLIFT_COMPLEX_PYTHON names, else by the same one with the other environment. Where only
+    the complex build is there, real methods run in it, and a finding says so. Raises `ModelError` where only the real one is, or if
+    the named interpreter has not got what its name says. In an installation that is not known nothing is done, and `require_scalars`
+    speaks up.
     """
-    petsc, slepc = PETSC / f"petsc-{scalars}", SLEPC / f"slepc-{scalars}"
-    wanted = {"PETSC_DIR": str(petsc), "SLEPC_DIR": str(slepc)}
-    if not (petsc.exists() and slepc.exists()) or all(os.environ.get(k) == v for k, v in wanted.items()):
+    found, variable = installation(), f"UPLIFT_{scalars.upper()}_PYTHON"
+    if found is not None and found.scalars == scalars:
         return
-    if scalars == "real" and not any(k in os.environ for k in wanted):
-        return  # the default build
+    if python := os.environ.get(variable):
+        _see_named(variable, python, scalars)
+        # Without the variable: where it names a script that starts this very interpreter, it must not be followed again.
+        _replace_process(python, {name: value for name, value in os.environ.items() if name != variable})
+    if found is None:
+        return
+    if scalars in found.builds:
+        _replace_process(sys.executable, {**os.environ, **found.builds[scalars]})
+    advice = f"{found.advice.format(scalars=scalars)}; name its python in {variable} if it is an environment of its own"
+    if scalars == "complex" or found.scalars is None:
+        raise ModelError("PETSc", f"expected the {scalars} build, and this environment has not got it: {advice}")
+    tell_finding("scalars", f"real numbers are computed as complex ones, which takes {COMPLEX_COST}; for the real build {advice}")
+
+
+def _see_named(variable: str, python: str, scalars: Scalars) -> None:
+    """Raise `ModelError` if an interpreter named by the user cannot take over."""
+    question = "from uplift.drivers.petsc_installation import installation as i; f = i(); print(f.scalars if f else 'unknown')"
+    try:
+        answer = subprocess.run([python, "-c", question], capture_output=True, text=True, timeout=60)
+    except (OSError, subprocess.TimeoutExpired) as error:
+        raise ModelError(variable, f"{python} does not start: {error}") from None
+    if answer.returncode:
+        raise ModelError(variable, f"{python} cannot import uplift; install uplift-fem there too")
+    if answer.stdout.strip() not in (scalars, "unknown"):
+        raise ModelError(variable, f"expected an interpreter with the {scalars} build of PETSc; {python} has the other one")
+
+
+def _replace_process(python: str, environment: Mapping[str, str]) -> None:
     sys.stdout.flush()
     sys.stderr.flush()
-    os.execve(sys.executable, [sys.executable, *sys.orig_argv[1:]], {**os.environ, **wanted})
+    os.execvpe(python, [python, *sys.orig_argv[1:]], environment)
 
 
 def require_scalars(scalars: Scalars) -> None:
@@ -62,6 +94,15 @@ def require_scalars(scalars: Scalars) -> None:
     here = "complex" if issubclass(PETSc.ScalarType, complex) else "real"
     if here != scalars:
         raise RuntimeError(f"this method needs the {scalars} build of PETSc, and this process has the {here} one; set PETSC_DIR")
+
+
+def launcher(ranks: int) -> list[str]:
+    """Return the words before a command that start it on several ranks, with the MPI of this interpreter; none for one rank."""
+    if ranks == 1:
+        return []
+    if find_spec("dolfinx_solver"):  # the wheels bring mpich into the same environment: another launcher's ranks would not find each other
+        return [str(Path(sys.executable).with_name("mpiexec")), "-n", str(ranks)]
+    return [shutil.which("mpirun") or "mpirun", "--oversubscribe", "-n", str(ranks)]
 
 
 def launch_rank() -> int:
@@ -183,14 +224,21 @@ def silent_compiler() -> Iterator[None]:
 def form_compiler(comm: Any) -> Callable[[Any], Any]:
     """Return the function that compiles forms on the ranks of `comm`, in the user's form cache.
 
-    Where the cache can be read but not written, a form that is not in it is compiled in a temporary folder.
+    Where the cache can be read but not written, a form that is not in it is compiled in a temporary folder. Raises `ModelError` where a
+    form is not in the cache and no C compiler is there.
     """
     from uplift.meshes.compat import compile_form
+
+    command = (os.environ.get("CC") or sysconfig.get_config_var("CC") or "cc").split()[0]
 
     def compile_anywhere(form: Any) -> Any:
         try:
             return compile_form(form)
-        except (OSError, RuntimeError):
+        except Exception as error:  # of which class depends on the release and on the number of ranks
+            if shutil.which(command) is None:
+                raise ModelError("C compiler", f"{command} is not there, and forms are compiled by it: apt install {COMPILER}") from None
+            if not isinstance(error, (OSError, RuntimeError)):
+                raise
             folder = tempfile.mkdtemp(prefix="uplift-forms-") if comm.rank == 0 else None
             folder = comm.bcast(folder, root=0)
             if comm.rank == 0:

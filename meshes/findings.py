@@ -48,6 +48,7 @@ KINDS = {
     "cutoff": Kind("doubt", "Energy of a load above the highest frequency that is solved is left out."),
     "modes alone": Kind("doubt", "Contact forces from modes without static answers."),
     "checkpoint": Kind("note", "A checkpoint is missing, replaced or could not be written."),
+    "scalars": Kind("note", "Real numbers are computed as complex ones: the real build of PETSc is not there."),
     "failed case": Kind("doubt", "A case of a study or a comparison has no answer."),
 }
 """Every finding that can be said, by its key; `docs/guide.md` lists them."""

@@ -1,7 +1,6 @@
 """The same tests with the complex build of PETSc and on several ranks, as children of this run."""
 
 import os
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -9,10 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from uplift.drivers.process import PETSC, SLEPC
+from uplift.drivers.petsc_installation import installation
+from uplift.drivers.process import launcher
 
 ROOT = Path(__file__).parents[1]
-COMPLEX = {"PETSC_DIR": str(PETSC / "petsc-complex"), "SLEPC_DIR": str(SLEPC / "slepc-complex")}
+COMPLEX = dict(installation().builds.get("complex", {}))
 AS_ROOT = {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1", "OMP_NUM_THREADS": "1"}
 
 
@@ -27,10 +27,9 @@ def child(command):
 def test_ranks_agree(options, tmp_path):
     histories = []
     for ranks in (1, 2, 3):
-        launcher = [] if ranks == 1 else [shutil.which("mpirun"), "--oversubscribe", "-n", str(ranks)]
         out = tmp_path / str(ranks)
         scene = ROOT / "drivers" / "scenes" / "sdls119a.toml"
-        done = child([*launcher, sys.executable, "-m", "drivers", "run", str(scene), "--method", *options, "--no-plots", "--quiet",
+        done = child([*launcher(ranks), sys.executable, "-m", "drivers", "run", str(scene), "--method", *options, "--no-plots", "--quiet",
                       "--out", str(out)])
         assert done.returncode == 0, done.stderr
         histories.append(np.genfromtxt(out / "history.csv", delimiter=",", skip_header=1)[:, 1:3])
@@ -41,9 +40,8 @@ def test_ranks_agree(options, tmp_path):
 @pytest.mark.serial
 @pytest.mark.parametrize(("scalars", "ranks"), [("complex", 1), ("real", 2), ("real", 3), ("complex", 2)])
 def test_other_builds(scalars, ranks, tmp_path):
-    launcher = [] if ranks == 1 else [shutil.which("mpirun"), "--oversubscribe", "-n", str(ranks)]
-    command = [*launcher, sys.executable, "-m", "mpi4py", "-m", "pytest", "-q", "-x", "--color=no", f"--basetemp={tmp_path / 'child'}",
-               "-p", "no:cacheprovider", str(ROOT / "tests")]
+    command = [*launcher(ranks), sys.executable, "-m", "mpi4py", "-m", "pytest", "-q", "-x", "--color=no",
+               f"--basetemp={tmp_path / 'child'}", "-p", "no:cacheprovider", str(ROOT / "tests")]
     environment = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_COMM", "PMIX"))} | AS_ROOT
     environment |= COMPLEX if scalars == "complex" else {}
     done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=900)

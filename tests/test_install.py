@@ -32,7 +32,7 @@ def programs(tmp_path_factory):
     folder = tmp_path_factory.mktemp("installed")
     for room in ROOMS:
         shutil.copytree(ROOT / room, folder / "source" / room, ignore=shutil.ignore_patterns("__pycache__"))
-    for name in ("pyproject.toml", "uplift.py", "LICENSE"):
+    for name in ("pyproject.toml", "uplift.py", "LICENSE", "README.md"):
         shutil.copy(ROOT / name, folder / "source")
     done = run(sys.executable, "-m", "venv", "--system-site-packages", folder / "venv", cwd=folder)
     assert done.returncode == 0, done.stderr

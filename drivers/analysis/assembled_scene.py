@@ -127,7 +127,7 @@ def prepare(scene: Scene, comm: Any) -> AssembledScene:
 
     with clock.phase("mesh"):
         tagged = build_mesh(comm, source, layout)
-    degree = degree_of(kind, source.degree, tagged.mesh.ufl_domain().ufl_cell().cellname())
+    degree = degree_of(kind, source.degree, tagged.mesh.topology.cell_type.name)
     with clock.phase("forms and compilation"), form_cache(comm), silent_compiler():
         compiled = compile_plate(
             tagged, kind, degree, form_compiler(comm),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 from typing import Any
 
 from uplift.drivers import process
@@ -18,6 +19,7 @@ def add(commands: Any) -> None:
     )
     add_page(parser, "benchmarks", "benchmarks.md")
     parser.add_argument("--quick", action="store_true", help="the smaller meshes only, where a case has several")
+    parser.add_argument("--meshes", type=Path, metavar="FOLDER", help="keep the mesh files there, and read those that are there already")
     parser.set_defaults(command=command, quiet=True)
 
 
@@ -27,4 +29,4 @@ def command(options: argparse.Namespace, begin: float) -> int:
     with process.parallel() as comm:
         from uplift.drivers.evidence.benchmarks.page import benchmarks
 
-        return 0 if benchmarks(comm, options.out, quick=options.quick) else process.FAILED
+        return 0 if benchmarks(comm, options.out, quick=options.quick, meshes=options.meshes) else process.FAILED

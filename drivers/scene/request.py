@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from uplift.drivers.process import Scalars
+from uplift.drivers.petsc_installation import Scalars
 from uplift.drivers.scene.scene import Scene
 from uplift.meshes.checked import ModelError
 

@@ -55,7 +55,7 @@ def _axes_of_edge(group: str, tagged: TaggedMesh) -> tuple[int, int]:
     """Return the axis that the edge runs along and that of the normal of its plates, -1 for none (collective)."""
     mesh = tagged.mesh
     cells, x = geometry_cells(mesh), mesh.geometry.x
-    ends_of = SIDES[mesh.ufl_domain().ufl_cell().cellname()]
+    ends_of = SIDES[mesh.topology.cell_type.name]
     along, normals = [np.zeros((0, 3))], [np.zeros((0, 3))]
     for _, cell, side in tagged.sides(group):
         corners = x[cells[cell]]

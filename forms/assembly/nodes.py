@@ -10,7 +10,7 @@ from petsc4py import PETSc
 
 from uplift.forms.contact.supports import Placed
 from uplift.meshes.checked import ModelError
-from uplift.meshes.compat import Space
+from uplift.meshes.compat import Space, vector_of
 from uplift.meshes.tagged import SIDES, TaggedMesh, extent_of
 
 LENGTHS = {1: (0.5, 0.5), 2: (1 / 6, 4 / 6, 1 / 6), 3: (1 / 12, 5 / 12, 5 / 12, 1 / 12)}
@@ -33,7 +33,7 @@ def nodes_of(tagged: TaggedMesh, space: Space, group: str) -> np.ndarray:
 
 def lengths(tagged: TaggedMesh, space: Space, degree: int, group: str) -> np.ndarray:
     """Return the length in m of the edge `group` that belongs to each node of `space`, owned and ghost, on this rank alone."""
-    ends_of, layout = SIDES[tagged.mesh.ufl_domain().ufl_cell().cellname()], space.dofmap.dof_layout
+    ends_of, layout = SIDES[tagged.mesh.topology.cell_type.name], space.dofmap.dof_layout
     at = space.tabulate_dof_coordinates()
     share, weights = np.zeros(len(at)), LENGTHS[degree]
     for cell, side in {facet: (cell, side) for facet, cell, side in tagged.sides(group)}.values():
@@ -52,7 +52,7 @@ def to_owners(space: Space, values: np.ndarray) -> np.ndarray:
         return values[: index_map.size_local]
     function = dolfinx.fem.Function(space)
     block, owned = space.dofmap.index_map_bs, index_map.size_local
-    vector = function.vector if hasattr(function, "vector") else function.x.petsc_vec
+    vector = vector_of(function)
     with vector.localForm() as local:
         local.array[:] = np.repeat(values, block)
     vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)

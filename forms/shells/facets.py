@@ -63,7 +63,7 @@ def facet_of(mesh: Mesh) -> Facet:
     Raises `ModelError` for cells with more nodes than corners: a facet is flat, whatever the degree of the displacement.
     """
     domain = mesh.ufl_domain()
-    cell = domain.ufl_cell().cellname()
+    cell = mesh.topology.cell_type.name
     if geometry_cells(mesh).shape[1] != CORNERS[cell]:
         raise ModelError("mesh.file", "a plate that bends needs a mesh of the first order, with nodes at the corners of its cells alone")
     jacobian, diameter = ufl.Jacobian(domain), ufl.CellDiameter(domain)
@@ -84,7 +84,7 @@ def common_normal(mesh: Mesh) -> np.ndarray | None:
     Its largest component is positive. A flat mesh whose normal is an axis needs no rotation about that axis.
     """
     owned = mesh.topology.index_map(2).size_local
-    corners = mesh.geometry.x[geometry_cells(mesh)[:owned, : CORNERS[mesh.ufl_domain().ufl_cell().cellname()]]]
+    corners = mesh.geometry.x[geometry_cells(mesh)[:owned, : CORNERS[mesh.topology.cell_type.name]]]
     edges = corners[:, 1:] - corners[:, :1]
     normals = np.concatenate([np.cross(edges[:, 0], edges[:, k]) for k in range(1, edges.shape[1])])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)

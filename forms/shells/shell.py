@@ -71,7 +71,7 @@ def shell_space(mesh: Mesh, degree: int, components: tuple[str, ...] | None = No
 
     Raises `ModelError` for a degree that its cells do not have: 1 to 3 on quadrilaterals, 3 on triangles.
     """
-    cell = mesh.ufl_domain().ufl_cell().cellname()
+    cell = mesh.topology.cell_type.name
     if degree != 1 and (cell, degree) not in FULL_SHEAR or (cell, degree) == ("triangle", 1):
         raise ModelError("mesh.degree", f"a shell of {cell}s has degree {'3' if cell == 'triangle' else '1 to 3'}, not {degree}")
     components = components or (COMPONENTS if mesh.geometry.dim == 3 else PLATE_COMPONENTS)

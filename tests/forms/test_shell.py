@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 import ufl
 from dolfinx.fem.petsc import assemble_matrix, assemble_vector
-from dolfinx.io import gmshio
 from mpi4py import MPI
 from petsc4py import PETSc
 from scipy import linalg, sparse
@@ -19,6 +18,7 @@ from scipy.sparse.linalg import eigsh, splu
 from uplift.forms.shells import shell
 from uplift.forms.shells.facets import common_normal, facet_of
 from uplift.meshes.checked import ModelError
+from uplift.meshes.compat import distribute
 
 ELEMENTS = [("quadrilateral", 2), ("quadrilateral", 3), ("triangle", 3)]
 
@@ -52,7 +52,7 @@ def mesh_of(points, cells, dimension=3, comm=MPI.COMM_SELF):
             gmsh.model.mesh.addNodes(2, 1, list(range(1, len(points) + 1)), np.ravel(points))
             gmsh.model.mesh.addElementsByType(1, cells.shape[1] - 1, [], np.ravel(cells + 1))
             gmsh.model.addPhysicalGroup(2, [1], 1)
-        return gmshio.model_to_mesh(gmsh.model, comm, 0, gdim=dimension)[0]
+        return distribute(gmsh.model, comm, dimension)[0]
     finally:
         gmsh.finalize()
 

@@ -107,16 +107,20 @@ BENCHMARKS = (
 )
 
 
-def benchmarks(comm: Any, out: Path, *, quick: bool) -> bool:
-    """Run all benchmarks and write their page to `out` (collective); return whether every value meets its limit."""
+def benchmarks(comm: Any, out: Path, *, quick: bool, meshes: Path | None = None) -> bool:
+    """Run all benchmarks and write their page to `out` (collective); return whether every value meets its limit.
+
+    Mesh files are kept in `meshes`, if that is given, and those that are there already are read: gmsh makes others from release to release.
+    """
     begin = time.perf_counter()
     if out.is_dir():
         raise ModelError("--out", f"{out} is a folder; expected the name of a file")
     if comm.rank == 0:
-        writable_folder(out.parent)
+        for folder in filter(None, (out.parent, meshes)):
+            writable_folder(folder)
     sections, met, number = [], 0, 0
     with tempfile.TemporaryDirectory(prefix="uplift-benchmarks-") as own:
-        runner = Runner(comm, Path(comm.bcast(own, root=0)), quick)
+        runner = Runner(comm, Path(comm.bcast(own, root=0)) if meshes is None else meshes.absolute(), quick)
         for benchmark in BENCHMARKS:
             since = time.perf_counter()
             outcomes = benchmark.run(runner)

@@ -90,8 +90,8 @@ class Runner:
     """Whether cases with several meshes shall run the smaller ones only."""
 
     def file(self, name: str, write: Callable[..., None], *arguments: Any) -> dict[str, Any]:
-        """Write a mesh file on rank 0 by `write(path, *arguments)`; return the section [mesh] that reads it."""
-        if self.comm.rank == 0:
+        """Write a mesh file on rank 0 by `write(path, *arguments)` unless it is there; return the section [mesh] that reads it."""
+        if self.comm.rank == 0 and not (self.folder / name).exists():
             write(self.folder / name, *arguments)
         self.comm.barrier()
         return {"file": name}
@@ -128,6 +128,6 @@ class Runner:
 def mesh_in_words(assembly: AssembledScene) -> str:
     """Return kinematics, number and shape of the cells, and the degree of the displacement (collective)."""
     tagged: TaggedMesh = assembly.tagged
-    cell = tagged.mesh.ufl_domain().ufl_cell().cellname()
+    cell = tagged.mesh.topology.cell_type.name
     number = tagged.mesh.topology.index_map(2).size_global
     return f"{assembly.plate.kind}, {number} {cell}s of degree {degree_of(assembly.plate.kind, assembly.scene.plate.degree, cell)}"

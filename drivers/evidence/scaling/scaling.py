@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import platform
-import shutil
 import subprocess
 import sys
 import time
@@ -24,7 +23,7 @@ from uplift.drivers.evidence.scaling.beside_opensees import compare_with_opensee
 from uplift.drivers.evidence.scaling.cost import refined
 from uplift.drivers.evidence.scaling.linear_solvers import WHAT, Solved, measure_solver, solver_rows
 from uplift.drivers.evidence.scaling.reduced import CHECKED, Direct, Reduced, measure_direct, measure_reduced, reduced_rows
-from uplift.drivers.process import say
+from uplift.drivers.process import launcher, say
 from uplift.drivers.results.folder import processor, versions, writable_folder
 from uplift.drivers.scene.scene import Scene
 from uplift.meshes.checked import ModelError
@@ -86,8 +85,7 @@ def measure(scene: Scene, comm: Any, factor: int, points: int, groups: int) -> M
 
 def in_child(path: Path, ranks: int, *arguments: object) -> dict[str, Any]:
     """Let a process of its own, or several under mpirun, measure what the `arguments` of `measured` say; return what it printed."""
-    launcher = [] if ranks == 1 else [shutil.which("mpirun") or "mpirun", "--oversubscribe", "-n", str(ranks)]
-    command = [*launcher, sys.executable, "-m", "drivers", "scale", str(path), "--measure", *map(str, arguments)]
+    command = [*launcher(ranks), sys.executable, "-m", "drivers", "scale", str(path), "--measure", *map(str, arguments)]
     environment = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_COMM", "PMIX", "PRTE"))}
     try:
         done = subprocess.run(command, capture_output=True, text=True, check=True, env=environment)

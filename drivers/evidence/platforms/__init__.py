@@ -1,0 +1,1 @@
+"""The quick pages of evidence on several releases of the libraries."""
