@@ -47,6 +47,7 @@ KINDS = {
     "aliasing": Kind("doubt", "Energy of a load above half the sampling rate comes back at a lower frequency."),
     "cutoff": Kind("doubt", "Energy of a load above the highest frequency that is solved is left out."),
     "modes alone": Kind("doubt", "Contact forces from modes without static answers."),
+    "error in time": Kind("doubt", "The time integration is off by more than two percent."),
     "checkpoint": Kind("note", "A checkpoint is missing, replaced or could not be written."),
     "scalars": Kind("note", "Real numbers are computed as complex ones: the real build of PETSc is not there."),
     "failed case": Kind("doubt", "A case of a study or a comparison has no answer."),

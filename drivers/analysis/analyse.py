@@ -38,6 +38,8 @@ def analyse(
     task = Task(assembly, assembly.operators, request, snapshots, groups, watch)
     if request.basis is not None:
         analysis = _in_basis(task)
+    elif request.method == "exact":
+        analysis = _exactly(task)
     elif request.method == "transient":
         analysis = run_transient(_solved_iteratively(task) if iterative else task)
     elif request.method == "time-frequency":
@@ -48,6 +50,12 @@ def analyse(
     if snapshots is not None and analysis.passes.ended == "diverged":
         snapshots.start(0)  # what ran away is not what the history holds
     return analysis
+
+
+def _exactly(task: Task) -> Analysis:
+    from uplift.drivers.analysis.exact import run_exact
+
+    return run_exact(task)
 
 
 def _swept(task: Task) -> Analysis:
@@ -64,7 +72,8 @@ def _in_basis(task: Task) -> Analysis:
         small = project(task.operators, basis)
     with small:
         reduced = replace(task, operators=small, notes={"basis": basis_notes(basis, settings)})
-        return run_transient(reduced) if task.request.method == "transient" else _swept(reduced)
+        methods = {"transient": run_transient, "exact": _exactly, "time-frequency": _swept}
+        return methods[task.request.method](reduced)
 
 
 def _solved_iteratively(task: Task) -> Task:

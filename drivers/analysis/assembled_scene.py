@@ -83,6 +83,20 @@ class AssembledScene:
         self.plate.__exit__(*args)
 
 
+@dataclass(frozen=True)
+class ContactEvents:
+    """Contacts that open or close, in the order of time."""
+
+    times: np.ndarray
+    """(n,) s."""
+    contacts: tuple[str, ...]
+    """Names."""
+    kinds: tuple[str, ...]
+    """"opens" or "closes"."""
+    speeds: np.ndarray
+    """(n,) m/s of the gap, negative where it closes."""
+
+
 @dataclass
 class Analysis:
     """The histories of one method and what is known about them."""
@@ -99,6 +113,8 @@ class Analysis:
     """(nt,) share of the plate's area whose nodes have risen, in percent; nan where it was not asked for."""
     notes: dict[str, Any] = field(default_factory=dict)
     """Further facts for the summary."""
+    events: ContactEvents | None = None
+    """Where the method locates them."""
 
     @property
     def final(self) -> History:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
@@ -9,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from uplift.drivers.analysis.assembled_scene import Analysis, AssembledScene
+from uplift.drivers.analysis.assembled_scene import Analysis, AssembledScene, ContactEvents
 from uplift.drivers.analysis.snapshots import Snapshots
 from uplift.drivers.process import heard_findings
 from uplift.drivers.report.page import NAME as REPORT
@@ -42,6 +43,8 @@ def write_run(
         with assembly.clock.phase("output"):
             for name, columns in tables(assembly, analysis).items():
                 write_history(staging / f"{name}.csv", history.times, tuple(columns), np.column_stack(list(columns.values())))
+            if analysis.events is not None:
+                _write_events(staging / "events.csv", analysis.events)
             if plots:
                 _draw(assembly, analysis, staging, mesh, displacement)
             results = collect(assembly, analysis, snapshot_data, _summary(assembly, analysis), scene_text)
@@ -80,6 +83,14 @@ def tables(assembly: AssembledScene, analysis: Analysis) -> dict[str, dict[str, 
         moved = {"damped [J]": ledger.damped, "work of loads [J]": ledger.work, "numerical [J]": ledger.numerical}
         result["energy"] = stored | moved
     return result
+
+
+def _write_events(path: Path, events: ContactEvents) -> None:
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(["t", "contact", "event", "speed [m/s]"])
+        for time, contact, kind, speed in zip(events.times, events.contacts, events.kinds, events.speeds, strict=True):
+            writer.writerow([repr(float(time)), contact, kind, repr(float(speed))])
 
 
 def printed_values(assembly: AssembledScene, analysis: Analysis) -> list[str]:

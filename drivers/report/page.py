@@ -62,7 +62,8 @@ def report(results: Results) -> str:
 
 def _how(results: Results) -> str:
     facts = results.facts
-    methods = {"transient": "Time stepping", "time-frequency": "Sweep over frequencies", "modal": "Time stepping on a modal basis"}
+    methods = {"transient": "Time stepping", "time-frequency": "Sweep over frequencies", "modal": "Time stepping on a modal basis",
+               "exact": "Exact time integration"}
     passes = facts.get("iterations")
     how = "uplift solved exactly" if facts.get("uplift") == "exact" else f"{passes} published pass{'' if passes == 1 else 'es'}"
     date = f", run on {str(facts['written'])[:16].replace('T', ' ')} UTC" if facts.get("written") else ""

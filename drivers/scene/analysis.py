@@ -9,7 +9,7 @@ import numpy as np
 from uplift.meshes.checked import Checked, ModelError, quantity
 from uplift.solvers.time_domain.scheme import Scheme, generalised_alpha, hilber_hughes_taylor
 
-METHODS = ("transient", "time-frequency", "modal", "static", "harmonic")
+METHODS = ("transient", "exact", "time-frequency", "modal", "static", "harmonic")
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from uplift.drivers.petsc_installation import Scalars
 from uplift.drivers.scene.scene import Scene
 from uplift.meshes.checked import ModelError
 
-IN_A_BASIS = ("transient", "time-frequency")
+IN_A_BASIS = ("transient", "exact", "time-frequency")
 """Methods that can run in a Krylov basis."""
 
 
@@ -36,7 +36,7 @@ class Request:
     def check(self, scene: Scene) -> None:
         """Raise `ModelError` if the scene does not say what the method needs, or holds what the passes cannot do."""
         if self.basis is not None and self.method not in IN_A_BASIS:
-            raise ModelError("--basis", "expected with the method transient or time-frequency; it takes the place of the modes")
+            raise ModelError("--basis", "expected with the method transient, exact or time-frequency; it takes the place of the modes")
         if self.basis is None and self.basis_file is not None:
             raise ModelError("--basis-file", "expected together with --basis TOL")
         section = self._section()
@@ -46,8 +46,10 @@ class Request:
             raise ModelError("modal", "missing; the method modal needs the section [modal]")
         if not scene.model.probes:
             raise ModelError("probes", "expected at least one [[probes]] with a name and a point")
-        if self.passes and self.method in ("static", "harmonic"):
+        if self.passes and self.method in ("static", "harmonic", "exact"):
             raise ModelError("run.iterations", f"the method {self.method} knows no published passes")
+        if self.method == "exact" and any(s.unilateral and s.mass > 0 for s in scene.model.supports):
+            raise ModelError("supports.mass", "the method exact takes joints without mass: set it to 0, or take the method transient")
         if self.passes and any(s.unilateral and s.sideways == "released" for s in scene.model.supports):
             raise ModelError("supports", "the published passes cannot release a support sideways; leave out --iterations")
         if self._from_rest(scene) and any(s.unilateral and s.settlement != 0 for s in scene.model.supports):
