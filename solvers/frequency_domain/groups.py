@@ -88,8 +88,8 @@ class System:
     damping: Any | None
     columns: np.ndarray
     """(n_local, n_columns): right-hand sides, this rank's rows."""
-    rows: sparse.csr_matrix
-    """(n_rows, n_local): all functionals that are observed, this rank's columns."""
+    outputs: sparse.csr_matrix
+    """(n_rows, n_local): all that is observed, this rank's columns."""
     owns: bool
     """Whether the matrices are its own."""
 
@@ -104,16 +104,16 @@ class System:
                 matrix.destroy()
 
 
-def group_system(operators: Operators, columns: np.ndarray, rows: sparse.csr_matrix, layout: Layout) -> System:
-    """Give each group the whole system (collective); `columns` and `rows` are those of the ranks of the world."""
+def group_system(operators: Operators, columns: np.ndarray, outputs: sparse.csr_matrix, layout: Layout) -> System:
+    """Give each group the whole system (collective); `columns` and `outputs` are those of the ranks of the world."""
     if layout.groups == 1:
-        return System(operators.stiffness, operators.mass, operators.damping, columns, rows, owns=False)
+        return System(operators.stiffness, operators.mass, operators.damping, columns, outputs, owns=False)
     matrices = [None if m is None else _matrix(m, layout) for m in (operators.stiffness, operators.mass, operators.damping)]
-    n_columns, rows = columns.shape[1], sparse.csr_matrix(rows.T)
+    n_columns, rows = columns.shape[1], sparse.csr_matrix(outputs.T)
     width = _from_ranks(np.array([len(columns)]), layout)
     own = _from_ranks(np.ascontiguousarray(columns, dtype=PETSc.ScalarType), layout).reshape(int(width.sum()), n_columns)
     lengths, indices, data = (_from_ranks(a, layout) for a in (np.diff(rows.indptr), rows.indices, rows.data))
-    there = sparse.csr_matrix((data, indices, np.concatenate([[0], np.cumsum(lengths)])), shape=(len(own), rows.shape[0]))
+    there = sparse.csr_matrix((data, indices, np.concatenate([[0], np.cumsum(lengths)])), shape=(len(own), outputs.shape[0]))
     return System(matrices[0], matrices[1], matrices[2], own, sparse.csr_matrix(there.T), owns=True)
 
 

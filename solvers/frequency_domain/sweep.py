@@ -187,7 +187,7 @@ def _solve_batch(
         if solver is None:
             break
         solution = solver.solve(int(point))
-        observed[k * layout.groups + layout.group] = (system.rows @ solution).T
+        observed[k * layout.groups + layout.group] = (system.outputs @ solution).T
         if results.fields is not None:
             answers.append(solution.copy())
     # Within a group the sum is taken in the order of the ranks, so that its last bit depends on nothing else.
