@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 from uplift.drivers.petsc_installation import Scalars, installation
 from uplift.meshes.checked import ModelError
@@ -195,9 +195,15 @@ def parallel() -> Iterator[Any]:
             if isinstance(error, (KeyboardInterrupt, Stopped)):
                 if comm.rank == 0:
                     print(f"uplift: {str(error) or 'interrupted; nothing was written'}", file=sys.stderr, flush=True)
-                comm.Abort(128 + getattr(error, "number", signal.SIGINT))
+                _abort(comm, 128 + getattr(error, "number", signal.SIGINT))
             print(f"uplift: rank {comm.rank}: {type(error).__name__}: {error}", file=sys.stderr, flush=True)
-            comm.Abort(1)
+            _abort(comm, 1)
+
+
+def _abort(comm: Any, code: int) -> NoReturn:
+    """End all ranks; not every MPI ends the one that asks for it."""
+    comm.Abort(code)
+    os._exit(code)
 
 
 def _all_come(comm: Any) -> bool:
