@@ -72,8 +72,8 @@ from uplift.meshes.tagged import build_mesh
 for name in sys.argv[1:]:
     signal.alarm(60)
     try:
-        cells = build_mesh(MPI.COMM_SELF, MeshFile(Path(name)), lambda flat, order: (2 if flat else 3, order)).mesh.topology.index_map(2)
-        print("result", cells.size_global, flush=True)
+        tagged = build_mesh(MPI.COMM_SELF, MeshFile(Path(name)), lambda flat, order, level: (2 if flat else 3, order))
+        print("result", tagged.mesh.topology.index_map(2).size_global, flush=True)
     except ModelError as error:
         print("error", str(error), flush=True)
 """

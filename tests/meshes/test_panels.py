@@ -17,7 +17,7 @@ L_SHAPE = ((0.0, 0.0, 0.0), (3.0, 0.0, 0.0), (3.0, 1.0, 0.0), (1.0, 1.0, 0.0), (
 HOLE = ((0.25, 0.25, 0.0), (0.75, 0.25, 0.0), (0.75, 0.75, 0.0), (0.25, 0.75, 0.0))
 
 
-def as_it_is(flat, order):
+def as_it_is(flat, order, level):
     return 2 if flat else 3, order
 
 
