@@ -62,7 +62,8 @@ def _meshed(gmsh: Any, panels: Panels, wanted: np.ndarray, tolerance: float) -> 
         groups = _geometry(gmsh, panels, wanted[on_curve] if cut else wanted[:0], tolerance)
         if not cut:
             for _, curve in gmsh.model.getEntities(1):
-                on_curve |= on_segment(wanted, *_ends(gmsh.model, curve), tolerance)
+                start, end = _ends(gmsh.model, curve)
+                on_curve |= on_segment(wanted, start, end, tolerance)
         plan = _plan(gmsh.model, panels, wanted[~on_curve], tolerance)
         if cut or (plan.coarser == 1 and _all_stations(gmsh.model, plan.divisions, wanted[on_curve], panels.degree or 1, tolerance)):
             break
