@@ -273,7 +273,7 @@ def main() -> int:
             arrays = read_med(path)
         else:
             with path.open("rb") as file:
-                head = file.read(4096)
+                head = file.read(2**20)
             version = head[head.index(b"$MeshFormat") + 11 :].split()[0]
             arrays = read_msh2(path.read_bytes()) if version.startswith(b"2") else read_msh4(path)
         np.savez(out, **arrays)

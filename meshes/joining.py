@@ -21,8 +21,9 @@ NEAR = 1e-2
 
 
 def place_pairs(mesh: PlainMesh) -> np.ndarray:
-    """Return the pairs (p, 2) of nodes at one place."""
-    return cKDTree(mesh.points).query_pairs(SAME * mesh.extent, output_type="ndarray")
+    """Return the pairs (p, 2) of nodes at one place, in order."""
+    pairs = cKDTree(mesh.points).query_pairs(SAME * mesh.extent, output_type="ndarray")
+    return pairs[np.lexsort(pairs.T[::-1])]
 
 
 def merged(mesh: PlainMesh) -> PlainMesh:
