@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 import uplift
-from uplift.meshes.cell_shapes import check_shapes, say_overlaps
+from uplift.meshes.cell_shapes import check_places, check_shapes, say_overlaps
 from uplift.meshes.checked import Checked, ModelError, quantity
 from uplift.meshes.discrete import Entities, discrete_model
 from uplift.meshes.file_groups import plain_mesh
@@ -82,6 +82,7 @@ def read_mesh_file(source: MeshFile) -> PlainMesh:
     """Return the checked mesh of a file. Raises `ModelError` with the reason where there is none in it."""
     try:
         mesh = _used_nodes(plain_mesh(_contents(source.path)), source.path)
+        check_places(mesh, "mesh.file")
         if source.merge:
             mesh = merged(mesh)
         _check_cells(mesh)

@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from uplift.meshes.checked import ModelError
 from uplift.meshes.findings import say
-from uplift.meshes.plain import PlainMesh, numbered_sides, place_in_words
+from uplift.meshes.plain import PlainMesh, numbered_sides, pairs_in_reach, place_in_words
 
 SAME = 1e-6
 """Of the extent: nodes closer than this are at one place, which is also how near a support has to be to its node."""
@@ -92,10 +92,8 @@ def check_hanging(mesh: PlainMesh, cracks: tuple[str, ...], key: str) -> None:
     length = np.linalg.norm(np.roll(at, -1, axis=1) - at, axis=2)
     shortest, centre = length.min(axis=1), at.mean(axis=1)
     reach = np.linalg.norm(at - centre[:, None], axis=2).max(axis=1)
-    found = cKDTree(points[lone]).query_ball_point(centre, reach * (1 + NEAR))
-    counts = np.array([len(nodes) for nodes in found])
-    cell = np.repeat(np.arange(len(corners)), counts)
-    node = lone[np.concatenate([np.array(nodes, dtype=int) for nodes in found if nodes] or [np.zeros(0, dtype=int)])]
+    index, cell = pairs_in_reach(points[lone], centre, reach * (1 + NEAR))
+    node = lone[index]
     foreign = ~np.any(mesh.cells[cell] == node[:, None], axis=1)
     cell, node = cell[foreign], node[foreign]
     if not len(cell):

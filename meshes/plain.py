@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 CORNERS = {2: 3, 3: 4, 9: 3, 10: 4}
 """Corners of the cells that are read, by gmsh's number of an element type."""
@@ -60,6 +61,21 @@ class PlainMesh:
 def place_in_words(point: np.ndarray) -> str:
     """Return a point (3,) m as text."""
     return f"({', '.join(f'{x:.6g}' for x in point)}) m"
+
+
+def pairs_in_reach(points: np.ndarray, centres: np.ndarray, reach: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the pairs (point, centre) of indices of points (n, 3) m that lie within the `reach` (m,) m of centres (m, 3) m.
+
+    Centres are looked at by their reach, one power of two after another, so that a large one meets few pairs that are too far.
+    """
+    tree, size = cKDTree(points), np.ceil(np.log2(reach)).astype(int)
+    found = [(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64))]
+    for power in np.unique(size):
+        here = np.flatnonzero(size == power)
+        near = tree.sparse_distance_matrix(cKDTree(centres[here]), 2.0**power, output_type="ndarray")
+        kept = near["v"] <= reach[here[near["j"]]]
+        found.append((near["i"][kept], here[near["j"][kept]]))
+    return np.concatenate([point for point, _ in found]), np.concatenate([centre for _, centre in found])
 
 
 def sides_of(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
