@@ -197,7 +197,9 @@ def build_mesh(comm: Any, source: MeshSource, layout: Callable[[bool, int, float
         if comm.allreduce(cells.size_local, op=MPI.MIN) == 0:
             raise ModelError("mpirun -n", f"{comm.size} ranks are too many for {cells.size_global} cells: some have none; take fewer ranks")
         tagged.points.update({name: np.array([point]) for name, point in source.corners.items()})
-        return replace(tagged, level=level or 0.0) if gdim == 2 else tagged
+        if gdim == 3 or not level:
+            return tagged
+        return replace(tagged, level=level, points={name: at - np.array([0.0, 0.0, level]) for name, at in tagged.points.items()})
 
 
 def _level(model: Any) -> float | None:

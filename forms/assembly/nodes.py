@@ -100,6 +100,8 @@ def at_nodes(placed: Placed, tagged: TaggedMesh, space: Space, degree: int, area
         nodes, share = nodes[share > 0], share[share > 0]
     parts = tagged.mesh.comm.allgather((space.tabulate_dof_coordinates()[nodes], share))
     points, shares = np.concatenate([p for p, _ in parts]), np.concatenate([s for _, s in parts])
+    if not len(points):
+        raise ModelError("group", f"{groups_in_words(placed.group)!r} holds no node of the mesh")
     extent = extent_of(tagged.mesh.geometry.x, tagged.mesh.comm)
     order = np.lexsort(np.round(points / extent, 9).T)
     return placed.at(points[order], shares[order])

@@ -32,15 +32,16 @@ def free_motions(compiled: CompiledForms, model: PlateModel, held: np.ndarray) -
     """Return in words the rigid motions that no spring resists with all contacts closed, however weakly (collective).
 
     `held` are the dofs of this rank's nodes that conditions hold. Nothing is returned for a plate that is held. Of a mesh in several
-    parts each is looked at by itself; a part at which nothing stands at all is refused by a `ModelError` with its name.
+    parts each is looked at by itself; a part at which nothing stands, but at a node by which it hangs on another, is refused by a
+    `ModelError` with its name.
     """
     parts = compiled.tagged.parts
-    resisted = _resistances(compiled, model, held, parts)
+    resisted, standing = _resistances(compiled, model, held, parts)
     words = list(MOTIONS[compiled.kind].values())
     if not parts:
         return tuple(_free(resisted[0], words))
-    for part, resistance in zip(parts, resisted, strict=True):
-        if not resistance.any():
+    for part, stands in zip(parts, standing, strict=True):
+        if not stands:
             raise ModelError("mesh", f"nothing holds the part {part.name}: it shares no side of a cell with what is held, and no support, "
                                      "spring or condition stands on it")
     return tuple(f"{motion} of {part.name}" for part, r in zip(parts, resisted, strict=True) for motion in _free(r, words))
@@ -52,10 +53,11 @@ def _free(resisted: np.ndarray, words: list[str]) -> list[str]:
     return [words[int(np.argmax(np.abs(motion)))] for motion in unrestrained.T]
 
 
-def _resistances(compiled: CompiledForms, model: PlateModel, held: np.ndarray, parts: tuple[MeshPart, ...]) -> np.ndarray:
-    """Return for each part (1 where there are none) the sum of r r^T of all that holds it, (parts, motions, motions), on every rank.
+def _resistances(compiled: CompiledForms, model: PlateModel, held: np.ndarray, parts: tuple[MeshPart, ...]) -> tuple[np.ndarray, np.ndarray]:
+    """Return the sum of r r^T of all that holds each part (parts, motions, motions), one part where there are none, on every rank.
 
-    r are the motions of a held point along the axis that is held, under 1 m along and 1 rad times the extent about each axis.
+    And how many components are held (parts,) at nodes of each part that belong to no other. r are the motions of a held point along the
+    axis that is held, under 1 m along and 1 rad times the extent about each axis.
     """
     comm, space = compiled.space.mesh.comm, compiled.space
     picked, center = list(MOTIONS[compiled.kind]), foot_middle(model)
@@ -64,13 +66,15 @@ def _resistances(compiled: CompiledForms, model: PlateModel, held: np.ndarray, p
     members = _members(compiled, parts) if parts else None
     present = [AXES.index(name[1:]) for name in compiled.components]
     total = np.zeros((max(len(parts), 1), len(picked), len(picked)))
+    standing = np.zeros(len(total), dtype=int)
 
     def resist(points: np.ndarray, axis: int, nodes: np.ndarray) -> None:
         rows = _motions_of(points, axis, center)[:, picked]
         rows = rows * np.where(np.array(picked) < TRANSLATIONS, 1.0, 1.0 / reach) * (1.0 if axis < TRANSLATIONS else reach)
         for number in range(len(total)):
-            chosen = rows if members is None else rows[members[nodes, number]]
-            total[number] += chosen.T @ chosen
+            inside = np.ones(len(rows), dtype=bool) if members is None else members[nodes, number]
+            total[number] += rows[inside].T @ rows[inside]
+            standing[number] += np.sum(inside if members is None else inside & (members[nodes].sum(axis=1) == 1))
 
     for column, axis in enumerate(present):
         nodes = held[held % len(present) == column] // len(present)
@@ -80,15 +84,15 @@ def _resistances(compiled: CompiledForms, model: PlateModel, held: np.ndarray, p
         here = nodes >= 0
         for axis in axes:
             resist(points[: len(nodes)][here], axis, nodes[here])
-    return np.asarray(sum(comm.allgather(total)))
+    return np.asarray(sum(comm.allgather(total))), np.asarray(sum(comm.allgather(standing)))
 
 
 def _holding(model: PlateModel, present: list[int]) -> Iterator[tuple[str, np.ndarray, list[int]]]:
     """Give name, points (n, 3) m and the axes that are held of all springs and supports."""
     for spring in model.springs:
-        yield spring.name, np.array(spring.points), [axis for axis in present if spring.stiffness[axis] > 0]
+        yield spring.name, np.reshape(spring.points, (-1, 3)), [axis for axis in present if spring.stiffness[axis] > 0]
     for support in model.supports:
-        yield support.name, np.array(support.points), [axis for axis in present if np.isfinite(support.flexibility(axis))]
+        yield support.name, np.reshape(support.points, (-1, 3)), [axis for axis in present if np.isfinite(support.flexibility(axis))]
 
 
 def _motions_of(points: np.ndarray, axis: int, center: np.ndarray) -> np.ndarray:
