@@ -53,7 +53,9 @@ def _free(resisted: np.ndarray, words: list[str]) -> list[str]:
     return [words[int(np.argmax(np.abs(motion)))] for motion in unrestrained.T]
 
 
-def _resistances(compiled: CompiledForms, model: PlateModel, held: np.ndarray, parts: tuple[MeshPart, ...]) -> tuple[np.ndarray, np.ndarray]:
+def _resistances(
+    compiled: CompiledForms, model: PlateModel, held: np.ndarray, parts: tuple[MeshPart, ...]
+) -> tuple[np.ndarray, np.ndarray]:
     """Return the sum of r r^T of all that holds each part (parts, motions, motions), one part where there are none, on every rank.
 
     And how many components are held (parts,) at nodes of each part that belong to no other. r are the motions of a held point along the

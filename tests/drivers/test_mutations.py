@@ -158,7 +158,8 @@ def test_meshes(tmp_path):
         files.append(tmp_path / f"{number} é{source.suffix}")
         files[-1].write_bytes(mutated(source.read_bytes(), rng))
     environment = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_COMM", "PMIX", "PRTE"))} | {"PYTHONPATH": str(ROOT)}
-    done = subprocess.run([sys.executable, "-c", CHILD, *map(str, files)], env=environment, capture_output=True, text=True, timeout=60 + 10 * len(files))
+    command, limit = [sys.executable, "-c", CHILD, *map(str, files)], 60 + 10 * len(files)
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=limit)
     lines = done.stdout.splitlines()
     assert done.returncode == 0 and len(lines) == len(files), (files[len(lines)], done.stderr[-500:])
     assert lines[:4] == ["result 32"] * 4
