@@ -21,8 +21,7 @@ def say_large_displacements(assembly: AssembledScene, analysis: Analysis) -> Non
     """Say displacements of probes, and tilts over the supports, that are beyond small ones (collective)."""
     operators, history = assembly.operators, analysis.final
     extent = extent_of(assembly.tagged.mesh.geometry.x, operators.comm)
-    moving = [k for k, name in enumerate(operators.probes.names) if name.rsplit(".", 1)[1] in ("DX", "DY", "DZ")]
-    largest = float(np.max(np.abs(history.probes[:, moving]), initial=0.0)) / extent
+    largest = float(np.max(np.abs(history.probes[:, operators.probes.moving]), initial=0.0)) / extent
     if largest > SEEN:
         say("large displacements", f"a probe moves by {largest * extent:.3g} m, {largest:.2g} times the extent of the model: "
                                    "beyond small displacements", severity="grave" if largest > BEYOND else "doubt")

@@ -240,3 +240,22 @@ def test_more_ranks_than_cells_are_refused(comm, tmp_path):
         return
     with pytest.raises(ModelError, match="ranks are too many for 1 cells"):
         prepare(scene, comm)
+
+
+@pytest.mark.serial
+def test_the_mesh_that_is_exported_is_the_one_that_runs(comm, tmp_path):
+    """A support off the nodes of cells of the first degree, on one of the second, which alone a regular mesh keeps."""
+    import meshio
+
+    from uplift.drivers.analysis.assembled_scene import source_of
+    from uplift.meshes.export import write_mesh
+    from uplift.meshes.gather import gather_mesh
+
+    support = {key: value for key, value in BED.items() if key != "per"} | {"points": [[1, 1, 0], [7, 1, 0], [4, 3, 0]]}
+    scene = scene_of({"size": 2.0, "plates": [RAFT]}, tmp_path, supports=[support], probes=[{"name": "A", "point": [4, 2, 0]}])
+    cells = write_mesh(source_of(scene), tmp_path / "out.vtu")
+    with prepare(scene, comm) as assembly:
+        whole = gather_mesh(assembly.tagged)
+    again = meshio.read(tmp_path / "out.vtu")
+    assert len(whole.cells) == cells == 12
+    assert np.array_equal(np.unique(again.points.round(9), axis=0), np.unique(whole.points.round(9), axis=0))
