@@ -36,7 +36,7 @@ def at_rest(scene, comm):
         final = analyse(assembly, Request("static")).final
         operators = assembly.operators
         return dict(zip(operators.probes.names, final.probes[0], strict=True)) | dict(
-            zip(operators.reactions.functionals.names, final.reactions[0], strict=True))
+            zip(operators.reactions.names, final.reactions[0], strict=True))
 
 
 def box_file(folder):
@@ -259,3 +259,29 @@ def test_the_mesh_that_is_exported_is_the_one_that_runs(comm, tmp_path):
     again = meshio.read(tmp_path / "out.vtu")
     assert len(whole.cells) == cells == 12
     assert np.array_equal(np.unique(again.points.round(9), axis=0), np.unique(whole.points.round(9), axis=0))
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(
+    ("change", "more"),
+    [
+        ({}, 0.0),
+        ({"load": [{"kind": "pressure", "name": "q", "group": ["R1", "R2"], "value": -1000.0}]}, 16 * 1000.0),
+        ({"load": [{"kind": "force", "name": "q", "group": ["B1", "B2"], "per": "length", "force": {"Z": -1000.0}}]}, 8 * 1000.0),
+        ({"masses": [{"name": "m", "group": ["R1", "R2"], "per": "area", "mass": 100.0}]}, 16 * 100 * 9.81),
+        ({"parts": [CONCRETE | {"group": ["R1", "R2"], "thickness": 1.0}]}, WEIGHT / 2),
+        ({"springs": [{"name": "K", "group": ["B1", "B2"], "per": "length", "stiffness": {"Z": 1e9}}]}, 0.0),
+        ({"output": {"uplift": "all", "uplift_group": ["R1", "R2"]}}, 0.0),
+    ],
+)
+def test_several_groups_count_as_one_everywhere(comm, tmp_path, change, more):
+    """A slab of 8 m x 4 m in three groups of cells, its base line in two; at rest the ground carries the weight and what is added to it."""
+    points, cells = grid(8, 4)
+    x = points[cells].mean(axis=1)[:, 0]
+    elements = [*quads(cells[x < 2], 1, 1), *quads(cells[(x > 2) & (x < 4)], 2, 2), *quads(cells[x > 4], 3, 3),
+                *((1, 4 + n // 4, 4 + n // 4, (n, n + 1)) for n in range(8))]
+    names = ((2, 1, "R1"), (2, 2, "R2"), (2, 3, "R3"), (1, 4, "B1"), (1, 5, "B2"))
+    (tmp_path / "parts.msh").write_text(msh2(points, elements, names), encoding="utf-8")
+    bed = [PILE | {"group": ["R1", "R2", "R3"], "per": "area"}]
+    scene = scene_of(**{"mesh": {"file": "parts.msh"}, "folder": tmp_path, "supports": bed, "probes": [PROBE]} | change)
+    assert at_rest(scene, comm)["force Z"] == pytest.approx(WEIGHT + more, rel=1e-9)
