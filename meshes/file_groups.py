@@ -27,18 +27,15 @@ def plain_mesh(contents: dict[str, np.ndarray]) -> PlainMesh:
     kinds = {int(key.split(".")[1]) for key in contents if key.startswith("elements.")}
     cells, numbers, kind = _cells(contents, kinds)
     names = _names(json.loads(str(contents["groups"])))
-    unnamed = {d: f for d, f in ((d, _numbers(contents, kinds, d)) for d in range(3))}
-    for dimension, found in unnamed.items():
-        for number in found:
+    for dimension in range(3):
+        for number in _numbers(contents, kinds, dimension):
             names.setdefault((dimension, number), str(number))
-    unique, first, index = np.unique(np.sort(cells, axis=1), axis=0, return_index=True, return_inverse=True)
-    _refuse_doubled(index, numbers)
+    cells, of_cells = _once(cells)
+    _refuse_doubled(of_cells, numbers)
     lines, line_numbers = _lines(contents, kinds, names, kind)
+    lines, of_lines = _once(lines)
     groups: dict[int, dict[str, np.ndarray]] = {0: {}, 1: {}, 2: {}}
-    # A cell of several groups stands in the file once for each of them.
-    position = np.empty(len(unique), dtype=int)
-    position[np.argsort(first)] = np.arange(len(unique))
-    members = {2: (numbers, position[index]), 1: (line_numbers, np.arange(len(lines)))}
+    members = {2: (numbers, of_cells), 1: (line_numbers, of_lines)}
     if VERTEX in kinds:
         members[0] = (contents[f"numbers.{VERTEX}"], contents[f"elements.{VERTEX}"][:, 0])
     for dimension, (of, at) in members.items():
@@ -48,7 +45,7 @@ def plain_mesh(contents: dict[str, np.ndarray]) -> PlainMesh:
                 before = groups[dimension].get(name, np.zeros(0, dtype=int))
                 groups[dimension][name] = np.union1d(before, at[of == number]).astype(int)
     _one_dimension(groups)
-    return PlainMesh(contents["points"], kind, cells[np.sort(first)], lines, groups[2], groups[1], groups[0])
+    return PlainMesh(contents["points"], kind, cells, lines, groups[2], groups[1], groups[0])
 
 
 def _cells(contents: dict[str, np.ndarray], kinds: set[int]) -> tuple[np.ndarray, np.ndarray, int]:
@@ -65,6 +62,14 @@ def _cells(contents: dict[str, np.ndarray], kinds: set[int]) -> tuple[np.ndarray
         words = " and ".join(WORDS[kind] for kind in flat)
         raise ModelError("mesh.file", f"it holds {words}; expected triangles alone or quadrilaterals alone, of the first or second order")
     return contents[f"elements.{flat[0]}"], contents[f"numbers.{flat[0]}"], flat[0]
+
+
+def _once(elements: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return elements (m, n) without those that stand there again, for each further group, in order; and where each is found (m,)."""
+    _, first, index = np.unique(np.sort(elements, axis=1), axis=0, return_index=True, return_inverse=True)
+    position = np.empty(len(first), dtype=int)
+    position[np.argsort(first)] = np.arange(len(first))
+    return elements[np.sort(first)], position[index]
 
 
 def _names(groups: list[tuple[int, int, str]]) -> dict[tuple[int, int], str]:

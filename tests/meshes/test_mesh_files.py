@@ -146,6 +146,13 @@ def test_a_cell_of_two_groups_stands_there_twice(tmp_path):
     refused(tmp_path, "1 cells are there twice", points, quads(cells) + quads(cells[:1]))
 
 
+def test_a_line_of_two_groups_is_one_line(tmp_path):
+    points, cells = grid(4, 1)
+    lines = [(1, 2, 2, (x, x + 1)) for x in range(4)] + [(1, 3, 2, (x + 1, x)) for x in range(2)]
+    whole = read(tmp_path, points, [*quads(cells), *lines], (SLAB, (1, 2, "BASE"), (1, 3, "HALF")))
+    assert len(whole.lines) == 4 and {n: m.tolist() for n, m in whole.line_groups.items()} == {"BASE": [0, 1, 2, 3], "HALF": [0, 1]}
+
+
 def test_groups_without_names_bear_their_numbers(tmp_path):
     points, cells = grid(2, 2)
     elements = [*quads(cells, 7), (1, 5, 2, (0, 1)), (15, 3, 3, (4,)), (15, 3, 3, (8,))]
