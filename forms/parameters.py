@@ -6,10 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from uplift.forms.contact.supports import AXES, PLACES, Placed, Point, Spring, Support, in_space, six
+from uplift.forms.contact.supports import AXES, PLACES, Placed, PlacedPoint, Point, Spring, Support, in_space, six
 from uplift.forms.loads.signals import Signal
 from uplift.forms.shells.material import Material
 from uplift.meshes.checked import Checked, ModelError, quantity
+from uplift.meshes.groups import GroupNames
 
 CONDITIONS = ("clamped", "hard", "soft", "sliding", "symmetric")
 """Conditions that a straight edge of a plate can have, see `uplift.forms.assembly.conditions`."""
@@ -20,12 +21,13 @@ class Probe(Checked):
     """A point whose displacement is recorded."""
 
     name: str = quantity("name of the probe")
-    point: Point = quantity("position, at a node or anywhere in the plate", "m")
+    point: PlacedPoint = quantity("position, at a node or anywhere in the plate", "m")
     rotations: bool = quantity("record the rotations too", default=False)
 
     def check(self) -> None:
         """Complete the point to three coordinates."""
-        object.__setattr__(self, "point", in_space(self.point))
+        if not isinstance(self.point, str):
+            object.__setattr__(self, "point", in_space(self.point))
 
 
 @dataclass(frozen=True)
@@ -51,7 +53,7 @@ class GroundMotion(Checked):
 class Part(Checked):
     """A group of cells with a material or thickness of its own."""
 
-    group: str = quantity("group of cells")
+    group: GroupNames = quantity("group or groups of cells")
     material: Material = quantity("material and thickness of these cells")
 
     def check(self) -> None:
@@ -64,7 +66,7 @@ class Part(Checked):
 class Condition(Checked):
     """Components that are zero on a group of the mesh, relative to the base."""
 
-    group: str = quantity("group of the mesh: an edge, a surface or a point")
+    group: GroupNames = quantity("group or groups of the mesh: edges, surfaces or points")
     zero: tuple[str, ...] = quantity("components that are zero, such as DZ and DRX", default=())
     edge: str = quantity("condition of a straight edge, instead of components", default="", one_of=("", *CONDITIONS))
 
@@ -82,10 +84,10 @@ class Mass(Placed):
     """Point masses on plate nodes."""
 
     name: str = quantity("name of the group of masses")
-    points: tuple[Point, ...] = quantity("plate nodes", "m")
+    points: tuple[PlacedPoint, ...] = quantity("plate nodes", "m")
     mass: float = quantity("mass at each point", "kg", above=0.0)
     shares: tuple[float, ...] = quantity("factor of the mass at each point", default=())
-    group: str = quantity("group of the mesh that carries the masses, instead of points", default="")
+    group: GroupNames = quantity("group or groups of the mesh that carry the masses, instead of points", default="")
     per: str = quantity("what the mass is meant for", default="points", one_of=PLACES)
 
 
@@ -94,11 +96,11 @@ class Force(Placed):
     """Forces and moments on plate nodes, or spread over a group of the mesh, times a function of time."""
 
     name: str = quantity("name of the load")
-    points: tuple[Point, ...] = quantity("plate nodes", "m")
+    points: tuple[PlacedPoint, ...] = quantity("plate nodes", "m")
     components: tuple[float, ...] = quantity("along and about the axes", "N or N m, per point, metre or square metre")
     signal: Signal | None = quantity("function of time; none: a static load that acts at all times", default=None)
     shares: tuple[float, ...] = quantity("factor of the components at each point", default=())
-    group: str = quantity("group of the mesh that is loaded, instead of points", default="")
+    group: GroupNames = quantity("group or groups of the mesh that are loaded, instead of points", default="")
     per: str = quantity("what the components are meant for", default="points", one_of=PLACES)
 
     def check(self) -> None:
@@ -113,7 +115,7 @@ class Pressure(Checked):
     """Pressure on a group of cells along their normals, which follow the order of the nodes of each cell."""
 
     name: str = quantity("name of the load")
-    group: str = quantity("group of cells; empty: all of them", default="")
+    group: GroupNames = quantity("group or groups of cells; empty: all of them", default="")
     value: float = quantity("pressure along the normal", "Pa", default=0.0)
     signal: Signal | None = quantity("function of time; none: a static load that acts at all times", default=None)
 
@@ -134,4 +136,4 @@ class PlateModel(Checked):
     forces: tuple[Force, ...] = quantity("forces and moments", default=())
     pressures: tuple[Pressure, ...] = quantity("pressures", default=())
     up: str = quantity("axis that points up; empty: Y in plane stress, else Z", default="", one_of=("", "X", "Y", "Z"))
-    uplift_group: str = quantity("group of cells whose lifted share is of interest; empty: all", default="")
+    uplift_group: GroupNames = quantity("group or groups of cells whose lifted share is of interest; empty: all", default="")

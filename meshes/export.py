@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 
 from uplift.meshes.checked import ModelError
+from uplift.meshes.discrete import Entities
 from uplift.meshes.plate import Plate
 from uplift.meshes.sources import MeshSource
-from uplift.meshes.tagged import Entities, opened, physical_groups
+from uplift.meshes.tagged import opened, physical_groups
 
 FORMATS = (".msh", ".vtu", ".xdmf", ".med")
 

@@ -41,7 +41,12 @@ class Kind:
 KINDS = {
     "scene": Kind("doubt", "The scene may not mean what it says: no signal, nothing that presses on the supports."),
     "signal": Kind("doubt", "A signal and the time step, the duration or the rows of its record do not fit."),
-    "overlap": Kind("doubt", "Plates lie on each other; what both cover is there once."),
+    "overlap": Kind("doubt", "Plates or cells lie on each other; what two plates cover is there once, what two cells cover twice."),
+    "gap": Kind("doubt", "A free edge of the mesh lies close to a cell without being joined to it."),
+    "groups": Kind("note", "A group of the mesh file is not taken as it stands there."),
+    "mesh": Kind("doubt", "The mesh file holds what is left out, or a node that may lie far outside."),
+    "free": Kind("note", "A part of the mesh, or all of it, can move as a rigid body in a direction in which nothing holds it."),
+    "large displacements": Kind("grave", "Displacements or rotations are beyond those that the theory of small displacements describes."),
     "unsettled": Kind("doubt", "The settling steps end away from the state of rest."),
     "wrap-around": Kind("doubt", "The end of the periodic window acts on its beginning."),
     "aliasing": Kind("doubt", "Energy of a load above half the sampling rate comes back at a lower frequency."),

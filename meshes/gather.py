@@ -41,6 +41,7 @@ def gather_mesh(tagged: TaggedMesh) -> WholeMesh | None:
     points = np.zeros((1 + max(int(p[0].max(initial=-1)) for p in parts), 3))
     for indices, x, _ in parts:
         points[indices] = x
+    points[:, 2] += tagged.level
     shape = "triangle" if cells.shape[1] in (3, 6) else "quad"
     cell_type = shape + {3: "", 4: "", 6: "6", 9: "9"}[cells.shape[1]]
     return WholeMesh(points, np.concatenate([p[2] for p in parts]), cell_type)

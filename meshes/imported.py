@@ -1,31 +1,36 @@
-"""Meshes that a user brings: a file of triangles or quadrilaterals with named groups, .msh (read by gmsh) or .med (by meshio)."""
+"""Meshes that a user brings: a file of triangles or quadrilaterals with named groups, .msh or .med."""
 
 from __future__ import annotations
 
-import contextlib
-import io
 import os
 import subprocess
 import sys
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+import uplift
+from uplift.meshes.cell_shapes import check_places, check_shapes, say_overlaps
 from uplift.meshes.checked import Checked, ModelError, quantity
+from uplift.meshes.discrete import Entities, discrete_model
+from uplift.meshes.file_groups import plain_mesh
+from uplift.meshes.findings import say
 from uplift.meshes.gmsh_session import gmsh_session
-from uplift.meshes.plate import LARGEST, Point
+from uplift.meshes.joining import check_hanging, check_joined, merged
+from uplift.meshes.plain import ORDERS, PlainMesh, place_in_words, sides_of
+from uplift.meshes.plate import Point
 
 SUFFIXES = (".msh", ".med")
 
-ORDERS = {2: 1, 3: 1, 9: 2, 10: 2}
-"""Order of triangles and quadrilaterals by gmsh's number of an element type."""
+HEADS = {".msh": (b"$MeshFormat", b"$Comments"), ".med": (b"\x89HDF\r\n\x1a\n",)}
+"""How a file of each suffix begins. gmsh takes any other file for a script, and runs it."""
 
-TRIANGLES = (2, 9)
-"""Of these the triangles."""
+REMEDY = 'merge = true under [mesh] joins them, cracks = ["GROUP"] keeps those of a group apart'
 
 
 @dataclass(frozen=True)
@@ -34,17 +39,21 @@ class MeshFile(Checked):
 
     path: Path
     degree: int | None = quantity("polynomial degree of the displacement", default=None, at_least=1, at_most=3)
+    merge: bool = quantity("join nodes at one place, as of parts that were meshed apart", default=False)
+    cracks: tuple[str, ...] = quantity("groups at whose nodes the mesh is meant to be open: nodes at one place stay apart", default=())
 
     def check(self) -> None:
         """Refuse what is not there or is no format with named groups."""
         if self.path.suffix.lower() not in SUFFIXES:
-            raise ModelError("file", f"expected a file name ending in {' or '.join(SUFFIXES)}, got {self.path.name!r}")
+            raise ModelError("file", f"expected a file name ending in {' or '.join(SUFFIXES)}, got {self.path.name!r:.200}")
         try:
             there = self.path.is_file()
-        except OSError:  # such as a name that is too long
+        except (OSError, ValueError):  # such as a name that is too long, or holds a null
             there = False
         if not there:
             raise ModelError("file", f"there is no file {self.path!s:.200}")
+        if self.merge and self.cracks:
+            raise ModelError("cracks", "expected either merge = true or cracks, not both")
 
     @property
     def corners(self) -> dict[str, Point]:
@@ -57,153 +66,105 @@ class MeshFile(Checked):
         return {}
 
 
-LINES = {1: 1, 2: 8}
-"""gmsh's number of a line by its order."""
-
-MESHIO = {"vertex": (0, 15), "line": (1, 1), "line3": (1, 8), "triangle": (2, 2), "triangle6": (2, 9), "quad": (2, 3), "quad9": (2, 10)}
-"""Dimension and gmsh's number of the element types that meshio names so."""
-
-Entities = dict[str, list[tuple[int, int]]]
-
-
 @contextmanager
 def imported_model(source: MeshFile) -> Iterator[tuple[Any, Entities, int]]:
-    """Give the gmsh model of the file, the entities of each named group and the order of the cells.
+    """Give a gmsh model of the file, the entities of each named group and the order of the cells.
 
-    Call on one rank only; gmsh is closed on leaving. Raises `ModelError` for a file that cannot be read or holds no surface,
-    or cells of several kinds.
+    Call on one rank only; gmsh is closed on leaving. Raises `ModelError` for a file that cannot be read or holds no surface, cells of
+    several kinds, or cells that no element can live on.
     """
+    mesh = read_mesh_file(source)
     with gmsh_session() as gmsh:
-        groups = _read_med(gmsh, source.path) if source.path.suffix.lower() == ".med" else _read_msh(gmsh, source.path)
-        model = gmsh.model
-        kinds = {int(kind) for dimension, tag in model.getEntities(2) for kind in model.mesh.getElementTypes(dimension, tag)}
-        if not kinds:
-            raise ModelError("mesh.file", f"{source.path} holds no triangles or quadrilaterals")
-        if len(kinds) > 1 or not kinds <= set(ORDERS):
-            names = " and ".join(str(model.mesh.getElementProperties(kind)[0]) for kind in sorted(kinds))
-            raise ModelError("mesh.file", f"{source.path} holds {names} cells; expected triangles alone or quadrilaterals alone")
-        check_cells(model, source.path, kinds)
-        _check_nodes(model, source.path, kinds)
-        _check_edges(model, source.path, groups, kinds)
-        yield model, groups, ORDERS[kinds.pop()]
+        yield gmsh.model, discrete_model(gmsh.model, mesh), ORDERS[mesh.kind]
 
 
-READER = """
-import sys, gmsh
-gmsh.initialize([], False)
-gmsh.option.setNumber("General.Terminal", 0)
-gmsh.open(sys.argv[1])
-gmsh.model.mesh.getNodes()
-gmsh.model.mesh.getElements()
-"""
+def read_mesh_file(source: MeshFile) -> PlainMesh:
+    """Return the checked mesh of a file. Raises `ModelError` with the reason where there is none in it."""
+    try:
+        mesh = _used_nodes(plain_mesh(_contents(source.path)), source.path)
+        check_places(mesh, "mesh.file")
+        if source.merge:
+            mesh = merged(mesh)
+        _check_cells(mesh)
+        check_shapes(mesh, "mesh.file")
+        check_joined(mesh, source.cracks, "mesh.file", REMEDY)
+        check_hanging(mesh, source.cracks, "mesh.file")
+        _check_lines(mesh)
+    except ModelError as error:
+        raise ModelError(error.key, f"{source.path}: {error.message}") from None
+    say_overlaps(mesh)
+    return mesh
 
 
-def _try_in_child(path: Path) -> None:
-    """Raise `ModelError` where gmsh does not survive the file, which it reads without looking: found out by another process."""
-    launcher = ("OMPI_", "PMIX", "PMI_", "PRTE")
+def _contents(path: Path) -> dict[str, np.ndarray]:
+    """Read the file in another process, which may break down on it, run on or ask for all memory; return its arrays."""
+    suffix = path.suffix.lower()
+    with path.open("rb") as file:
+        head = file.read(16)
+    if not head.startswith(HEADS[suffix]):
+        expected = "$MeshFormat" if suffix == ".msh" else "the signature of HDF5"
+        raise ModelError("mesh.file", f"cannot be read as a mesh: it begins with {head[:12]!r} and not with {expected}")
+    launcher = ("OMPI_", "PMIX", "PMI_", "PRTE", "PYTHON")
     environment = {name: value for name, value in os.environ.items() if not name.startswith(launcher)}
+    environment |= {"PYTHONPATH": str(Path(str(uplift.__file__)).parent), "OPENBLAS_NUM_THREADS": "1"}
     patience = 60.0 + path.stat().st_size / 1e6
-    try:
-        done = subprocess.run([sys.executable, "-c", READER, str(path)], env=environment, capture_output=True, timeout=patience)
-    except subprocess.TimeoutExpired:
-        raise ModelError("mesh.file", f"{path} cannot be read as a mesh: gmsh does not come to an end") from None
-    if done.returncode < 0:
-        raise ModelError("mesh.file", f"{path} cannot be read as a mesh: gmsh breaks down on it")
+    with tempfile.TemporaryDirectory() as folder:
+        # Under another name in a folder of its own: nothing that lies beside the file, such as gmsh's .opt, is read with it.
+        alias, out = Path(folder) / f"mesh{suffix}", Path(folder) / "mesh.npz"
+        alias.symlink_to(path.absolute())
+        command = [sys.executable, "-m", "uplift.meshes.file_reader", str(alias), str(out)]
+        try:
+            done = subprocess.run(command, env=environment, cwd=folder, capture_output=True, timeout=patience)
+        except subprocess.TimeoutExpired:
+            raise ModelError("mesh.file", "cannot be read as a mesh: reading it does not come to an end") from None
+        if done.returncode:
+            words = done.stdout.decode("utf-8", "replace").strip().splitlines()
+            why = words[-1] if done.returncode == 1 and words else "the reader breaks down on it"
+            raise ModelError("mesh.file", f"cannot be read as a mesh: {why}")
+        with np.load(out) as arrays:
+            return {name: arrays[name] for name in arrays.files}
 
 
-def check_cells(model: Any, path: Path, kinds: set[int]) -> None:
-    """Refuse cells on nodes that are not there, on one node twice, and one cell twice, with which no mesh can be distributed."""
-    known, coordinates = model.mesh.getNodes()[:2]
-    if not np.all(np.abs(coordinates) <= LARGEST):
-        raise ModelError("mesh.file", f"{path} holds a node farther than {LARGEST:g} m from the origin, or nowhere")
-    for kind in kinds:
-        corners = 3 if kind in TRIANGLES else 4
-        tags, nodes = model.mesh.getElementsByType(kind)
-        cells = np.sort(np.reshape(nodes, (len(tags), -1)), axis=1)
-        if not np.all(np.isin(cells, known)):
-            raise ModelError("mesh.file", f"{path} holds a cell on a node that is not there")
-        if cells.shape[1] < corners or np.any(cells[:, 1:] == cells[:, :-1]):
-            raise ModelError("mesh.file", f"{path} holds a cell with one node twice")
-        if len(np.unique(cells, axis=0)) < len(cells):
-            raise ModelError("mesh.file", f"{path} holds one cell twice")
+def _used_nodes(mesh: PlainMesh, path: Path) -> PlainMesh:
+    """Return the mesh without nodes of no cell, such as the centres of arcs, of which it says how many there were."""
+    used = np.unique(mesh.cells)
+    lonely = np.setdiff1d(np.arange(len(mesh.points)), used)
+    if not len(lonely):
+        return mesh
+    if mesh.lines.size and not np.isin(mesh.lines, used).all():
+        for name, members in mesh.line_groups.items():
+            if not np.isin(mesh.lines[members], used).all():
+                raise ModelError("mesh.file", f"a line of the group {name!r} lies on no cell")
+    say("mesh", f"{path.name}: {len(lonely)} nodes of no cell are left out, the first at {place_in_words(mesh.points[lonely[0]])}",
+        severity="note")
+    index = np.full(len(mesh.points), -1)
+    index[used] = np.arange(len(used))
+    points = {name: index[nodes][index[nodes] >= 0] for name, nodes in mesh.point_groups.items()}
+    return replace(
+        mesh, points=mesh.points[used], cells=index[mesh.cells], lines=index[mesh.lines],
+        point_groups={name: nodes for name, nodes in points.items() if len(nodes)},
+    )
 
 
-def _check_nodes(model: Any, path: Path, kinds: set[int]) -> None:
-    """Refuse nodes of no cell: the distribution of a mesh writes past its memory where there are some."""
-    used = np.unique(np.concatenate([model.mesh.getElementsByType(kind)[1] for kind in kinds]))
-    lonely = np.setdiff1d(model.mesh.getNodes()[0], used)
-    if len(lonely):
-        raise ModelError("mesh.file", f"{path} holds {len(lonely)} nodes that belong to no cell, the first is {lonely[0]}; remove them")
+def _check_cells(mesh: PlainMesh) -> None:
+    """Refuse cells with one node twice, and one cell twice, with which no mesh can be distributed."""
+    cells = np.sort(mesh.cells, axis=1)
+    if np.any(cells[:, 1:] == cells[:, :-1]):
+        raise ModelError("mesh.file", "a cell has one node twice")
+    _, counts = np.unique(cells, axis=0, return_counts=True)
+    if np.any(counts > 1):
+        raise ModelError("mesh.file", f"{int(np.sum(counts > 1))} cells are there twice, on the same nodes")
 
 
-def _check_edges(model: Any, path: Path, groups: Entities, kinds: set[int]) -> None:
-    """Refuse lines of a named group that are not of the order of the cells or do not lie on nodes of cells."""
-    used = np.unique(np.concatenate([model.mesh.getElementsByType(kind)[1] for kind in kinds]))
-    line = LINES[max(ORDERS[kind] for kind in kinds)]
-    for name, entities in groups.items():
-        for dimension, tag in entities:
-            if dimension != 1:
-                continue
-            found, _, nodes = model.mesh.getElements(dimension, tag)
-            if any(int(kind) != line for kind in found):
-                raise ModelError("mesh.file", f"{path} holds lines in the group {name!r} that are not of the order of the cells")
-            if not all(np.all(np.isin(part, used)) for part in nodes):
-                raise ModelError("mesh.file", f"{path} holds a line in the group {name!r} that lies on no cell")
-
-
-def _unreadable(path: Path, error: Exception) -> ModelError:
-    return ModelError("mesh.file", f"{path} cannot be read as a mesh: {' '.join(str(error).split())[:200] or type(error).__name__}")
-
-
-def _read_msh(gmsh: Any, path: Path) -> Entities:
-    _try_in_child(path)
-    try:
-        gmsh.open(str(path))
-    except Exception as error:  # gmsh raises plain exceptions, of a class that differs between releases
-        raise _unreadable(path, error) from None
-    model = gmsh.model
-    groups: Entities = {}
-    for dimension, tag in model.getPhysicalGroups():
-        name = model.getPhysicalName(dimension, tag)
-        if name and dimension <= 2:
-            groups.setdefault(name, []).extend((dimension, int(e)) for e in model.getEntitiesForPhysicalGroup(dimension, tag))
-    return {name: [entity for entity in entities if entity[0] == max(entities)[0]] for name, entities in groups.items()}
-
-
-def _read_med(gmsh: Any, path: Path) -> Entities:
-    """Read a MED file into discrete entities, one for each family of cells and for each family of a single node."""
-    import meshio
-
-    try:
-        with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
-            mesh = meshio.read(path)
-    except (Exception, SystemExit) as error:  # meshio raises whatever HDF5 does, and exits on what it does not know
-        raise _unreadable(path, error if isinstance(error, Exception) else ValueError("not a MED file")) from None
-    model = gmsh.model
-    model.add("imported")
-    points = np.zeros((len(mesh.points), 3))
-    points[:, : mesh.points.shape[1]] = mesh.points
-    groups: Entities = {}
-    home = model.addDiscreteEntity(2, 1)  # nodes live in the first entity, cells in one of their family
-    model.mesh.addNodes(2, home, np.arange(1, len(points) + 1), points.ravel())
-    names, number = {int(k): v for k, v in (getattr(mesh, "cell_tags", None) or {}).items()}, 1
-    for block, families in zip(mesh.cells, mesh.cell_data.get("cell_tags", [np.zeros(len(b.data), int) for b in mesh.cells]), strict=True):
-        if block.type not in MESHIO:
-            raise ModelError("mesh.file", f"{path} holds {block.type} cells; expected triangles alone or quadrilaterals alone")
-        dimension, kind = MESHIO[block.type]
-        for family in np.unique(families):
-            number += 1
-            model.addDiscreteEntity(dimension, number)
-            model.mesh.addElementsByType(number, kind, [], block.data[families == family].ravel() + 1)
-            for name in names.get(int(family), []):
-                groups.setdefault(name, []).append((dimension, number))
-    at = np.asarray(mesh.point_data.get("point_tags", np.zeros(len(points))))
-    for family, members in (getattr(mesh, "point_tags", None) or {}).items():
-        node = np.flatnonzero(at == family)
-        if len(node) == 1:
-            number += 1
-            model.addDiscreteEntity(0, number)
-            model.mesh.addElementsByType(number, 15, [], node + 1)
-            for name in members:
-                groups.setdefault(name, []).append((0, number))
-    return {name: [entity for entity in entities if entity[0] == max(entities)[0]] for name, entities in groups.items()}
+def _check_lines(mesh: PlainMesh) -> None:
+    """Refuse lines of a group that are no side of a cell."""
+    if not len(mesh.lines):
+        return
+    span = np.int64(len(mesh.points))
+    ends, lines = sides_of(mesh.corners)[0], np.sort(mesh.lines[:, :2], axis=1)
+    there = np.isin(lines[:, 0].astype(np.int64) * span + lines[:, 1], ends[:, 0].astype(np.int64) * span + ends[:, 1])
+    for name, members in mesh.line_groups.items():
+        lost = members[~there[members]]
+        if len(lost):
+            place = place_in_words(mesh.points[mesh.lines[lost[0], :2]].mean(axis=0))
+            raise ModelError("mesh.file", f"{len(lost)} lines of the group {name!r} are no side of a cell, the first around {place}")

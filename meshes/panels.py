@@ -108,8 +108,14 @@ class Panels(Checked):
 
     @property
     def flat(self) -> bool:
-        """Whether all plates lie in the plane Z = 0."""
-        return all(abs(corner[2]) <= 1e-9 * self.extent for plate in self.plates for corner in plate.corners)
+        """Whether all plates lie in a plane of one height Z."""
+        heights = [corner[2] for plate in self.plates for corner in plate.corners]
+        return max(heights) - min(heights) <= 1e-9 * self.extent
+
+    @property
+    def level(self) -> float:
+        """The height Z in m of flat plates, 0 of others."""
+        return self.plates[0].corners[0][2] if self.flat else 0.0
 
     @property
     def extent(self) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,20 +13,26 @@ import numpy as np
 from uplift.meshes.checked import ModelError
 from uplift.meshes.findings import say
 from uplift.meshes.gmsh_session import gmsh_session
+from uplift.meshes.joining import check_hanging, check_joined
 from uplift.meshes.outlines import TOUCHING, area_vector
 from uplift.meshes.panels import FOLDED, Panel, Panels
+from uplift.meshes.plain import mesh_of_model, place_in_words
 from uplift.meshes.plate import Point
 
 INNER_NODES = {1: (), 2: (0.5,), 3: (0.5 - 0.2236067977499790, 0.5 + 0.2236067977499790)}
 """Places of the inner nodes of an edge by degree: the Gauss-Lobatto points."""
 
 
-def on_segment(points: np.ndarray, start: Point, end: Point, tolerance: float) -> np.ndarray:
+def on_segment(points: np.ndarray, start: Point | np.ndarray, end: Point | np.ndarray, tolerance: float) -> np.ndarray:
     """Tell which of `points` (n, 3) lie on the segment, within `tolerance` m."""
     a, along = np.array(start), np.array(end) - np.array(start)
     ratio = np.clip((points - a) @ along / (along @ along), 0.0, 1.0)
     near: np.ndarray = np.linalg.norm(points - a - ratio[:, None] * along, axis=1) <= tolerance
     return near
+
+
+ALGORITHMS = ((6, 1), (6, 0), (5, 0), (8, 0), (1, 0))
+"""gmsh's numbers of algorithms in the plane (frontal, Delaunay, frontal for quadrilaterals, mesh adaptation) and to make quadrilaterals."""
 
 
 @contextmanager
@@ -37,14 +43,9 @@ def panels_model(panels: Panels) -> Iterator[tuple[Any, dict[str, list[tuple[int
     """
     wanted = np.array([*dict(panels.named_points).values(), *panels.nodes]).reshape(-1, 3)
     wanted = np.unique(np.round(wanted, 12), axis=0)
-    tolerance = TOUCHING * panels.extent
-    on_rim = np.zeros(len(wanted), dtype=bool)
-    for plate in panels.plates:
-        for _, start, end in plate.sides:
-            on_rim |= on_segment(wanted, start, end, tolerance)
     with gmsh_session() as gmsh:
         try:
-            groups = _meshed(gmsh, panels, wanted, on_rim, tolerance)
+            groups = _meshed(gmsh, panels, wanted, TOUCHING * panels.extent)
         except Exception as error:
             if type(error) is not Exception:
                 raise
@@ -53,18 +54,23 @@ def panels_model(panels: Panels) -> Iterator[tuple[Any, dict[str, list[tuple[int
         yield gmsh.model, groups
 
 
-def _meshed(gmsh: Any, panels: Panels, wanted: np.ndarray, on_rim: np.ndarray, tolerance: float) -> dict[str, list[tuple[int, int]]]:
-    """Mesh the plates with nodes at the points `wanted` (n, 3) m, of which those `on_rim` lie on edges; return the groups."""
+def _meshed(gmsh: Any, panels: Panels, wanted: np.ndarray, tolerance: float) -> dict[str, list[tuple[int, int]]]:
+    """Mesh the plates with nodes at the points `wanted` (n, 3) m; return the groups."""
     # Where the points on the edges are nodes of the regular divisions they need not cut them into pieces.
+    on_curve = np.zeros(len(wanted), dtype=bool)
     for cut in (False, True):
-        groups = _geometry(gmsh, panels, wanted[on_rim] if cut else wanted[:0], tolerance)
-        plan = _plan(gmsh.model, panels, wanted[~on_rim], tolerance)
-        if cut or (plan.coarser == 1 and _all_stations(gmsh.model, plan.divisions, wanted[on_rim], panels.degree or 1, tolerance)):
+        groups = _geometry(gmsh, panels, wanted[on_curve] if cut else wanted[:0], tolerance)
+        if not cut:
+            for _, curve in gmsh.model.getEntities(1):
+                start, end = _ends(gmsh.model, curve)
+                on_curve |= on_segment(wanted, start, end, tolerance)
+        plan = _plan(gmsh.model, panels, wanted[~on_curve], tolerance)
+        if cut or (plan.coarser == 1 and _all_stations(gmsh.model, plan.divisions, wanted[on_curve], panels.degree or 1, tolerance)):
             break
         gmsh.model.remove()
     _warn_of_overlaps([plate.name for plate in panels.plates], groups)
-    _mesh(gmsh, panels, plan)
-    check_cells(gmsh.model, tolerance)
+    _mesh(gmsh, panels, plan, tolerance)
+    check_plates_joined(gmsh.model, groups)
     return groups
 
 
@@ -139,7 +145,9 @@ def _plan(model: Any, panels: Panels, inside: np.ndarray, tolerance: float) -> _
         divisions = {tag: coarser * max(1, round(length / (coarser * panels.size))) for tag, length in lengths.items()}
         regular, unrestrained = {}, {}
         for _, surface in model.getEntities(2):
-            corners = _regular_corners(model, surface, divisions)
+            # A regular mesh passes over the lines and points at which other plates touch this one.
+            touched = len(model.mesh.getEmbedded(2, surface)) > 0
+            corners = None if touched else _regular_corners(model, surface, divisions)
             here = inside[_within(model, surface, inside, tolerance)]
             if corners is not None and _on_grid(model, surface, corners, divisions, here, panels.degree or 1, tolerance):
                 regular[surface] = corners
@@ -150,7 +158,8 @@ def _plan(model: Any, panels: Panels, inside: np.ndarray, tolerance: float) -> _
     return _Plan(divisions, regular, unrestrained, coarser if unrestrained else 1)
 
 
-def _mesh(gmsh: Any, panels: Panels, plan: _Plan) -> None:
+def _mesh(gmsh: Any, panels: Panels, plan: _Plan, tolerance: float) -> None:
+    """Mesh the plates as planned, by the first of `ALGORITHMS` that makes cells that fit. Raises `ModelError` if none does."""
     model = gmsh.model
     gmsh.option.setNumber("Mesh.SubdivisionAlgorithm", plan.coarser - 1)
     gmsh.option.setNumber("Mesh.MeshSizeMax", plan.coarser * panels.size)
@@ -159,18 +168,27 @@ def _mesh(gmsh: Any, panels: Panels, plan: _Plan) -> None:
         model.mesh.setTransfiniteCurve(tag, number // plan.coarser + 1)
     for surface, corners in plan.regular.items():
         model.mesh.setTransfiniteSurface(surface, cornerTags=corners)
+    kept = False
     for surface, points in plan.unrestrained.items():
         tags = [model.occ.addPoint(*point) for point in points]
         model.occ.synchronize()
         if tags:
             model.mesh.embed(0, tags, 2, surface)
+        kept = kept or len(model.mesh.getEmbedded(2, surface)) > 0
     if panels.cell == "quadrilateral":
-        if any(len(points) for points in plan.unrestrained.values()):
-            # The usual algorithm, Blossom, folds cells around nodes that it has to keep.
-            gmsh.option.setNumber("Mesh.RecombinationAlgorithm", 0)
         for _, surface in model.getEntities(2):
             model.mesh.setRecombine(2, surface)
-    model.mesh.generate(2)
+    # The usual recombination, Blossom, folds cells around nodes that it has to keep.
+    for last, (plane, recombination) in enumerate(ALGORITHMS[1:] if kept else ALGORITHMS, start=2 if kept else 1):
+        gmsh.option.setNumber("Mesh.Algorithm", plane)
+        gmsh.option.setNumber("Mesh.RecombinationAlgorithm", recombination)
+        model.mesh.clear()
+        try:
+            model.mesh.generate(2)
+            return check_cells(model, tolerance)
+        except Exception as error:  # gmsh raises plain exceptions
+            if last == len(ALGORITHMS) or type(error) not in (Exception, ModelError):
+                raise
 
 
 def check_cells(model: Any, tolerance: float) -> None:
@@ -194,6 +212,25 @@ def check_cells(model: Any, tolerance: float) -> None:
     for surface in centres if len(centres) > 1 else ():
         if np.any(_within(model, surface, np.concatenate([own for other, own in centres.items() if other != surface]), tolerance)):
             raise ModelError("mesh.plates", "some plates lie on each other, and gmsh cannot join them; let none cover another")
+
+
+def check_plates_joined(model: Any, groups: dict[str, list[tuple[int, int]]]) -> None:
+    """Raise `ModelError` unless plates that touch share the nodes there: on lines and points of the geometry, and node by node."""
+    names = {tag: name for name, entities in groups.items() for dimension, tag in entities if dimension == 2}
+    for _, surface in model.getEntities(2):
+        own = np.concatenate([np.zeros(0, dtype=int), *model.mesh.getElements(2, surface)[2]])
+        touching = [*model.getBoundary([(2, surface)], combined=False, oriented=False), *model.mesh.getEmbedded(2, surface)]
+        for dimension, tag in touching:
+            nodes = model.mesh.getNodes(dimension, abs(tag), includeBoundary=True)[0]
+            if not np.isin(nodes, own).all():
+                at = place_in_words(model.mesh.getNode(nodes[~np.isin(nodes, own)][0])[0])
+                name = names.get(surface, "")
+                raise ModelError("mesh.plates", f"the plate {name!r} is not joined at {at} to the one that touches it there")
+    mesh, surfaces = mesh_of_model(model)
+    plates = {name: [tag for dimension, tag in entities if dimension == 2] for name, entities in groups.items()}
+    mesh = replace(mesh, cell_groups={n: np.flatnonzero(np.isin(surfaces, tags)) for n, tags in plates.items() if tags})
+    check_joined(mesh, (), "mesh.plates", "give both the same coordinates there")
+    check_hanging(mesh, (), "mesh.plates")
 
 
 def _stations(start: float, end: float, divisions: int, degree: int) -> np.ndarray:

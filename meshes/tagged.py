@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -12,17 +12,18 @@ from mpi4py import MPI
 
 from uplift.meshes.checked import ModelError
 from uplift.meshes.compat import distribute
+from uplift.meshes.discrete import Entities
+from uplift.meshes.groups import GroupNames, groups_in_words, names_in
 from uplift.meshes.imported import MeshFile, imported_model
 from uplift.meshes.panels import Panels
 from uplift.meshes.panels_gmsh import panels_model
+from uplift.meshes.parts import MeshPart, names_of_parts, part_of_cells
+from uplift.meshes.plain import mesh_of_model
 from uplift.meshes.plate import gmsh_model
 from uplift.meshes.sources import MeshSource
 
 SIDES = {"triangle": ((1, 2), (0, 2), (0, 1)), "quadrilateral": ((0, 1), (0, 2), (1, 3), (2, 3))}
 """Corners at the ends of each side of a cell, in the numbering of dolfinx."""
-
-Entities = dict[str, list[tuple[int, int]]]
-"""Group -> its entities (dimension, tag) in gmsh."""
 
 
 @dataclass(frozen=True)
@@ -35,34 +36,50 @@ class TaggedMesh:
     groups: dict[str, tuple[int, tuple[int, ...]]]
     """Name -> (dimension, tags) of the groups of cells (2) and edges (1)."""
     points: dict[str, np.ndarray]
-    """Name -> coordinates (3,) in m of the groups that hold a single point."""
+    """Name -> coordinates (n, 3) in m of the groups of points."""
+    parts: tuple[MeshPart, ...] = ()
+    """What no side of a cell joins; empty where the mesh is one."""
+    level: float = 0.0
+    """Height Z in m of a mesh in the plane, whose own coordinates have Z = 0."""
 
-    def facets(self, name: str) -> np.ndarray:
-        """Return the local facets of the edge group `name`, sorted (empty on a rank that has none)."""
+    def facets(self, name: GroupNames) -> np.ndarray:
+        """Return the local facets of an edge group, or of several, sorted (empty on a rank that has none)."""
         return self._members(name, 1, self.facet_tags)
 
-    def cells(self, name: str) -> np.ndarray:
-        """Return the local cells of the surface group `name`, sorted (empty on a rank that has none)."""
+    def cells(self, name: GroupNames) -> np.ndarray:
+        """Return the local cells of a surface group, or of several, sorted (empty on a rank that has none)."""
         return self._members(name, 2, self.cell_tags)
 
-    def dimension(self, name: str) -> int:
-        """Return the dimension of the group: 2 for cells, 1 for edges, 0 for a point. Raises `ModelError` for an unknown name."""
+    def dimension(self, name: GroupNames) -> int:
+        """Return the dimension of a group: 2 for cells, 1 for edges, 0 for points.
+
+        Raises `ModelError` for an unknown name, and for several of different dimensions.
+        """
+        dimensions = [self._dimension(one) for one in names_in(name)]
+        if len(set(dimensions)) != 1:
+            raise ModelError("", f"expected groups of one dimension, {groups_in_words(name)} are of several")
+        return dimensions[0]
+
+    def _dimension(self, name: str) -> int:
         if name in self.groups:
             return self.groups[name][0]
         if name in self.points:
             return 0
         known = ", ".join([*self.groups, *self.points])
-        raise ModelError("", f"no group {name!r} in the mesh (there are: {known})")
+        raise ModelError("", f"no group {name!r} in the mesh (there are: {known})" if known else f"no group {name!r}: the mesh has none")
 
-    def _members(self, name: str, dimension: int, tags: Any) -> np.ndarray:
-        here, numbers = self.groups.get(name, (-1, ()))
-        if here != dimension:
-            known = ", ".join(n for n, (d, _) in self.groups.items() if d == dimension)
-            raise ModelError("", f"no {'edge' if dimension == 1 else 'surface'} group {name!r} in the mesh (there are: {known})")
-        return np.unique(np.concatenate([tags.find(number) for number in numbers]))
+    def _members(self, groups: GroupNames, dimension: int, tags: Any) -> np.ndarray:
+        found = []
+        for name in names_in(groups):
+            here, numbers = self.groups.get(name, (-1, ()))
+            if here != dimension:
+                known = ", ".join(n for n, (d, _) in self.groups.items() if d == dimension) or "none"
+                raise ModelError("", f"no {'edge' if dimension == 1 else 'surface'} group {name!r} in the mesh (there are: {known})")
+            found += [tags.find(number) for number in numbers]
+        return np.unique(np.concatenate(found))
 
-    def sides(self, name: str) -> list[tuple[int, int, int]]:
-        """Return (facet, cell, side of the cell) of each cell at each facet of the edge group `name` that this rank owns."""
+    def sides(self, name: GroupNames) -> list[tuple[int, int, int]]:
+        """Return (facet, cell, side of the cell) of each cell at each facet of an edge group that this rank owns."""
         topology = self.mesh.topology
         for pair in ((1, 2), (2, 1)):
             topology.create_connectivity(*pair)
@@ -75,9 +92,9 @@ class TaggedMesh:
         ]
 
     def point(self, name: str) -> np.ndarray:
-        """Return the coordinates (3,) in m of the point group `name`."""
+        """Return the coordinates (n, 3) in m of the point group `name`."""
         if name not in self.points:
-            raise ModelError("", f"no point group {name!r} in the mesh (there are: {', '.join(self.points)})")
+            raise ModelError("", f"no point group {name!r} in the mesh (there are: {', '.join(self.points) or 'none'})")
         return self.points[name]
 
 
@@ -85,16 +102,27 @@ def from_gmsh(comm: Any, model: Any | None, gdim: int = 2, groups: Entities | No
     """Distribute the gmsh model of rank 0 (None on the other ranks) with its group names (collective).
 
     `groups` are the entities (dimension, tag) of each named group, on rank 0; without them they are the model's physical groups.
-    An entity may belong to several groups. A group that holds a single node is a point.
+    An entity may belong to several groups.
     """
-    tags: dict[str, tuple[int, tuple[int, ...]]] = {}
-    points: dict[str, np.ndarray] = {}
+    known: tuple[Any, ...] = ({}, {}, ())
     if comm.rank == 0:
         assert model is not None
         tags, points = _number_entities(model, physical_groups(model) if groups is None else groups)
-    tags, points = comm.bcast((tags, points), root=0)
+        known = tags, points, _parts(model, tags)
+    tags, points, parts = comm.bcast(known, root=0)
     mesh, cell_tags, facet_tags = distribute(model, comm, gdim)
-    return TaggedMesh(mesh, cell_tags, facet_tags, tags, points)
+    return TaggedMesh(mesh, cell_tags, facet_tags, tags, points, parts)
+
+
+def _parts(model: Any, groups: dict[str, tuple[int, tuple[int, ...]]]) -> tuple[MeshPart, ...]:
+    """Return the parts of the mesh, none where it is one; no surface of the model reaches over two."""
+    mesh, surface = mesh_of_model(model)
+    part = part_of_cells(mesh.corners)
+    if part.max(initial=0) == 0:
+        return ()
+    cells = {name: np.flatnonzero(np.isin(surface, tags)) for name, (dimension, tags) in groups.items() if dimension == 2}
+    names = names_of_parts(replace(mesh, cell_groups=cells), part)
+    return tuple(MeshPart(name, tuple(int(t) for t in np.unique(surface[part == number]))) for number, name in enumerate(names))
 
 
 def physical_groups(model: Any) -> Entities:
@@ -117,9 +145,9 @@ def _number_entities(
         if dimension > 0:
             tags[name] = dimension, tuple(tag for d, tag in entities if d == dimension)
             continue
-        nodes = {int(n) for _, tag in entities for kind in model.mesh.getElements(0, tag)[2] for n in kind}
-        if len(nodes) == 1:
-            points[name] = np.array(model.mesh.getNode(nodes.pop())[0])
+        nodes = sorted({int(n) for _, tag in entities for kind in model.mesh.getElements(0, tag)[2] for n in kind})
+        if nodes:
+            points[name] = np.array([model.mesh.getNode(node)[0] for node in nodes])
     model.removePhysicalGroups()
     curves = sorted({tag for dimension, numbers in tags.values() if dimension == 1 for tag in numbers})
     for dimension, numbers in ((2, [tag for _, tag in model.getEntities(2)]), (1, curves)):
@@ -143,35 +171,45 @@ def opened(source: MeshSource) -> Iterator[tuple[Any, Entities | None, int]]:
             yield model, None, 1
 
 
-def build_mesh(comm: Any, source: MeshSource, layout: Callable[[bool, int], tuple[int, int]]) -> TaggedMesh:
+def build_mesh(comm: Any, source: MeshSource, layout: Callable[[bool, int, float], tuple[int, int]]) -> TaggedMesh:
     """Mesh `source` on rank 0 and distribute it over `comm` (collective).
 
-    `layout(flat, order)`, called on all ranks, is told whether all nodes lie in the plane Z = 0 and the order of the cells, and says
-    whether the mesh shall be one in the plane (2) or in space (3) and of which order. Errors of rank 0 are raised on all ranks.
+    `layout(flat, order, level)`, called on all ranks, is told whether all nodes lie in a plane Z = level and the order of the cells, and
+    says whether the mesh shall be one in the plane (2) or in space (3) and of which order. Errors of rank 0 are raised on all ranks.
     """
     with ExitStack() as stack:
         model, entities = None, None
-        known: tuple[bool, int, tuple[str, str] | None] = False, 0, None
+        known: tuple[float | None, int, tuple[str, str] | None] = None, 0, None
         if comm.rank == 0:
             try:
                 model, entities, order = stack.enter_context(opened(source))
-                known = _flat(model), order, None
+                known = _level(model), order, None
             except ModelError as error:
-                known = False, 0, (error.key, error.message)
-        flat, order, wrong = comm.bcast(known, root=0)
+                known = None, 0, (error.key, error.message)
+        level, order, wrong = comm.bcast(known, root=0)
         if wrong is not None:
             raise ModelError(*wrong)
-        gdim, wanted = layout(flat, order)
+        gdim, wanted = layout(level is not None, order, level or 0.0)
         if model is not None and wanted != order:
             model.mesh.setOrder(wanted)
         tagged = from_gmsh(comm, model, gdim, entities)
-        tagged.points.update({name: np.array(point) for name, point in source.corners.items()})
-        return tagged
+        cells = tagged.mesh.topology.index_map(2)
+        if comm.allreduce(cells.size_local, op=MPI.MIN) == 0:
+            raise ModelError("mpirun -n", f"{comm.size} ranks are too many for {cells.size_global} cells: some have none; take fewer ranks")
+        tagged.points.update({name: np.array([point]) for name, point in source.corners.items()})
+        if gdim == 3 or not level:
+            return tagged
+        return replace(tagged, level=level, points={name: at - np.array([0.0, 0.0, level]) for name, at in tagged.points.items()})
 
 
-def _flat(model: Any) -> bool:
+def _level(model: Any) -> float | None:
+    """Return the height Z in m of the plane that all nodes lie in, None where there is no such plane."""
     coordinates = model.mesh.getNodes()[1].reshape(-1, 3)
-    return bool(np.max(np.abs(coordinates[:, 2])) <= 1e-9 * np.ptp(coordinates, axis=0).max())
+    same = 1e-9 * np.ptp(coordinates, axis=0).max()
+    if np.ptp(coordinates[:, 2]) > same:
+        return None
+    level = float(np.median(coordinates[:, 2]))
+    return level if abs(level) > same else 0.0
 
 
 def extent_of(points: np.ndarray, comm: Any) -> float:

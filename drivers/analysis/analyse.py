@@ -6,6 +6,7 @@ from dataclasses import replace
 
 from uplift.drivers.analysis.assembled_scene import Analysis, AssembledScene
 from uplift.drivers.analysis.modal import run_modal
+from uplift.drivers.analysis.small_displacements import say_large_displacements
 from uplift.drivers.analysis.snapshots import Snapshots
 from uplift.drivers.analysis.static import run_static
 from uplift.drivers.analysis.task import Task
@@ -15,6 +16,7 @@ from uplift.drivers.process import require_scalars
 from uplift.drivers.scene.request import Request
 from uplift.forms.assembly.row_labels import rigid_motions
 from uplift.meshes.checked import ModelError
+from uplift.meshes.findings import say
 from uplift.solvers.watch import Watch
 
 
@@ -34,7 +36,10 @@ def analyse(
     A sweep uses `groups` groups of ranks (None: chosen from the sizes), a transient run solves its systems by a factor or by an
     `iterative` method; `watch` shows the progress of long loops and keeps their checkpoints.
     """
-    request.check_held(assembly.scene, assembly.plate.unrestrained)
+    unrestrained = assembly.plate.unrestrained
+    request.check_held(assembly.scene, unrestrained)
+    if unrestrained:
+        say("free", f"nothing holds the plate against {' and '.join(unrestrained)}: what acts in a direction that is free moves it away")
     task = Task(assembly, assembly.operators, request, snapshots, groups, watch)
     if request.basis is not None:
         analysis = _in_basis(task)
@@ -49,6 +54,8 @@ def analyse(
         analysis = (run_modal if request.method == "modal" else run_static)(task)
     if snapshots is not None and analysis.passes.ended == "diverged":
         snapshots.start(0)  # what ran away is not what the history holds
+    if not analysis.failed:
+        say_large_displacements(assembly, analysis)
     return analysis
 
 

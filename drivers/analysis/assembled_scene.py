@@ -13,13 +13,18 @@ import numpy as np
 
 from uplift.drivers.analysis.form_cache import form_cache
 from uplift.drivers.process import form_compiler, silent_compiler
+from uplift.drivers.scene.refinement import kinematics_of
 from uplift.drivers.scene.scene import Scene
 from uplift.forms.assembly.assemble import AssembledPlate, assemble_plate
 from uplift.forms.assembly.compiled_forms import compile_plate
+from uplift.forms.assembly.level import in_plane, shifted
 from uplift.forms.operators import Operators
 from uplift.forms.shells.kinematics import choose, degree_of
+from uplift.meshes.checked import ModelError
+from uplift.meshes.imported import MeshFile
 from uplift.meshes.panels import Panels
 from uplift.meshes.plate import Plate
+from uplift.meshes.sources import MeshSource
 from uplift.meshes.tagged import TaggedMesh, build_mesh
 from uplift.solvers.contact.published_passes import Passes
 from uplift.solvers.history import History
@@ -127,23 +132,34 @@ class Analysis:
         return self.passes.ended in ("diverged", "not converged")
 
 
+def source_of(scene: Scene) -> MeshSource:
+    """Return what the mesh of a scene is made of; which points of joined plates are nodes anyway depends on the degree."""
+    source = scene.plate
+    if not isinstance(source, Panels):
+        return source
+    return replace(source, degree=kinematics_of(source, scene.kinematics, scene.model)[2])
+
+
 def prepare(scene: Scene, comm: Any) -> AssembledScene:
     """Mesh, compile and assemble a scene (collective)."""
-    clock, model, source = Clock(), scene.model, scene.plate
-    kind = ""
-    if isinstance(source, Panels):  # which of its points are nodes anyway depends on the degree
-        source = replace(source, degree=degree_of(choose(scene.kinematics, model, source.flat), source.degree, source.cell))
+    clock, model, source = Clock(), scene.model, source_of(scene)
+    kind, degree = "", source.degree
 
-    def layout(flat: bool, order: int) -> tuple[int, int]:
+    def layout(flat: bool, order: int, level: float) -> tuple[int, int]:
         """Say whether the mesh shall lie in the plane or in space, and of which order it shall be."""
-        nonlocal kind
-        kind = choose(scene.kinematics, model, flat)
-        curved = isinstance(source, Plate) and kind == "plane stress"
-        return 3 if kind == "shell" else 2, min(source.degree or 1, 2) if curved else order
+        nonlocal kind, degree, model
+        kind = choose(scene.kinematics, shifted(model, -level), flat)
+        model = in_plane(model, level)
+        if isinstance(source, MeshFile) and order > 1:  # what is written of a solution stands at the nodes of the mesh
+            if degree not in (None, order):
+                raise ModelError("mesh.degree", f"expected {order}, the order of the mesh file, got {degree}")
+            degree = order
+        curved = isinstance(source, Plate) and kind == "plane stress" and degree == 2
+        return 3 if kind == "shell" else 2, 2 if curved else order
 
     with clock.phase("mesh"):
         tagged = build_mesh(comm, source, layout)
-    degree = degree_of(kind, source.degree, tagged.mesh.topology.cell_type.name)
+    degree = degree_of(kind, degree, tagged.mesh.topology.cell_type.name)
     with clock.phase("forms and compilation"), form_cache(comm), silent_compiler():
         compiled = compile_plate(
             tagged, kind, degree, form_compiler(comm),

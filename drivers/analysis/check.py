@@ -7,11 +7,12 @@ from typing import Any
 from uplift.drivers.analysis.memory import GIB, expected_bytes, expected_size
 from uplift.drivers.scene.analysis import METHODS
 from uplift.drivers.scene.cautions import scene_cautions
+from uplift.drivers.scene.refinement import kinematics_of
 from uplift.drivers.scene.request import IN_A_BASIS, Request
 from uplift.drivers.scene.scene import Scene
 from uplift.forms.parameters import PlateModel
-from uplift.forms.shells.kinematics import choose
 from uplift.meshes.checked import ModelError
+from uplift.meshes.groups import groups_in_words
 from uplift.meshes.imported import MeshFile
 from uplift.meshes.panels import Panels
 from uplift.meshes.plate import Plate
@@ -61,19 +62,18 @@ def _mesh_in_words(mesh: MeshSource) -> str:
 def _expected_kind(scene: Scene) -> str:
     if isinstance(scene.plate, MeshFile):
         return scene.kinematics.kind or "found when the mesh is read"
-    flat = scene.plate.flat if isinstance(scene.plate, Panels) else True
-    return choose(scene.kinematics, scene.model, flat)
+    return kinematics_of(scene.plate, scene.kinematics, scene.model)[0]
 
 
 def _supports(model: PlateModel) -> list[str]:
     lines = []
     for support in model.supports:
-        where = f"{len(support.points)} at points" if support.points else f"on the group {support.group}"
+        where = f"{len(support.points)} at points" if support.points else f"on the group {groups_in_words(support.group)}"
         how = f"push along {support.unilateral} and cannot pull" if support.unilateral else "bonded"
         more = [f"gap {support.gap:g} m"] * bool(support.gap) + [f"preload {support.preload:g} N"] * bool(support.preload)
         lines.append(f"supports    {', '.join([f'{support.name}: {where}', how, *more])}")
     for spring in model.springs:
-        where = f"{len(spring.points)} at points" if spring.points else f"on the group {spring.group}"
+        where = f"{len(spring.points)} at points" if spring.points else f"on the group {groups_in_words(spring.group)}"
         lines.append(f"springs     {spring.name}: {where}")
     return lines or ["supports    none"]
 

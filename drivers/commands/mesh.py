@@ -20,12 +20,13 @@ def add(commands: Any) -> None:
 
 def command(options: argparse.Namespace, begin: float) -> int:
     """Run the command; return the exit code."""
+    from uplift.drivers.analysis.assembled_scene import source_of
     from uplift.drivers.results.folder import writable_folder
     from uplift.drivers.scene.scene import read_scene
     from uplift.meshes.export import write_mesh
 
     scene = read_scene(options.scene)
     writable_folder(options.out.absolute().parent)
-    cells = write_mesh(scene.plate, options.out)
+    cells = write_mesh(source_of(scene), options.out)
     process.say(f"{options.out}: {cells} cells")
     return 0

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from uplift.meshes.checked import Checked, ModelError, quantity
+from uplift.meshes.groups import GroupNames
 from uplift.solvers.time_domain.scheme import Scheme, generalised_alpha, hilber_hughes_taylor
 
 METHODS = ("transient", "exact", "time-frequency", "modal", "static", "harmonic")
@@ -145,7 +146,7 @@ class Output(Checked):
     uplift: str = quantity(
         "when the lifted share of the plate's area is recorded", default="instants", one_of=("instants", "all", "none")
     )
-    uplift_group: str = quantity("group of cells whose lifted share is recorded; empty: all of them", default="")
+    uplift_group: GroupNames = quantity("group or groups of cells whose lifted share is recorded; empty: all of them", default="")
 
     def check(self) -> None:
         """Refuse instants that cannot be."""

@@ -9,10 +9,12 @@ from typing import Any
 import numpy as np
 
 from uplift.drivers.scene.toml_table import Table, convert
-from uplift.forms.contact.supports import in_space
+from uplift.forms.assembly.level import in_plane
+from uplift.forms.contact.supports import PlacedPoint, in_space
 from uplift.forms.loads.text_columns import read_columns
 from uplift.forms.parameters import PlateModel
 from uplift.meshes.checked import ModelError
+from uplift.meshes.groups import GroupNames
 from uplift.meshes.imported import MeshFile
 from uplift.meshes.panels import Panel, Panels
 from uplift.meshes.plate import LARGEST, Plate, Point
@@ -66,8 +68,13 @@ def point_of(value: Any, key: str) -> Point:
     return point
 
 
-def one_point(value: Any, mesh: MeshSource, key: str) -> Point:
-    """Return the coordinates of a point that is given by them or by its name. Raises `ModelError` for one off a rectangle."""
+def one_point(value: Any, mesh: MeshSource, key: str) -> PlacedPoint:
+    """Return the coordinates of a point that is given by them or by its name; a name in a mesh file as it is, to be found there.
+
+    Raises `ModelError` for a point off a rectangle and for an unknown name.
+    """
+    if isinstance(value, str) and value and isinstance(mesh, MeshFile):
+        return value
     if isinstance(value, str):
         if value not in mesh.corners:
             known = ", ".join(mesh.corners)
@@ -91,7 +98,7 @@ def places(table: Table, mesh: MeshSource, folder: Path) -> dict[str, Any]:
         raise ModelError(table.key(next(w for w in ways if w != "points")), f"expected one of {', '.join(WAYS)}, not {' and '.join(ways)}")
     nowhere: dict[str, Any] = {"points": (), "shares": (), "group": "", "per": "points"}
     if "group" in ways:
-        return nowhere | {"group": table.take("group", str), "per": table.take("per", str, default="node")}
+        return nowhere | {"group": table.take("group", GroupNames), "per": table.take("per", str, default="node")}
     if "edge" in ways:
         return nowhere | {"points": _on_edge(table, mesh)}
     if "grid" in ways:
@@ -166,5 +173,6 @@ def with_nodes(mesh: MeshSource, model: PlateModel) -> MeshSource:
     """Return joined plates with a node at every point of the model that something stands on; other meshes as they are."""
     if not isinstance(mesh, Panels):
         return mesh
+    model = in_plane(model, mesh.level)
     groups = (*model.supports, *model.springs, *model.masses, *model.forces)
-    return replace(mesh, nodes=tuple(dict.fromkeys(in_space(p) for group in groups for p in group.points)))
+    return replace(mesh, nodes=tuple(dict.fromkeys(in_space(p) for group in groups for p in group.points if not isinstance(p, str))))

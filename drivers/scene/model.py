@@ -17,6 +17,7 @@ from uplift.forms.loads.signals import Table as TimeTable
 from uplift.forms.parameters import Condition, Force, GroundMotion, Mass, Part, PlateModel, Pressure, Probe
 from uplift.forms.shells.material import Material
 from uplift.meshes.checked import Checked, ModelError, quantity
+from uplift.meshes.groups import GroupNames
 from uplift.meshes.plate import Point
 from uplift.meshes.sources import MeshSource
 
@@ -71,7 +72,7 @@ SIGNALS: dict[str, Any] = {"ricker": Ricker, "sine": Sine, "step": Step, "sweep"
 """What the key `signal` of a load may say."""
 
 
-def read_model(scene: Table, mesh: MeshSource, horizon: float, folder: Path, uplift_group: str) -> PlateModel:
+def read_model(scene: Table, mesh: MeshSource, horizon: float, folder: Path, uplift_group: GroupNames) -> PlateModel:
     """Read all sections of the model; signals are tabulated up to `horizon` s, files looked for in `folder`."""
     material = scene.section("plate", Material)
     gravity, up = _gravity(scene)
@@ -138,7 +139,7 @@ def _probe(table: Table, mesh: MeshSource) -> Probe:
 
 
 def _part(table: Table) -> Part:
-    group = table.take("group", str)
+    group = table.take("group", GroupNames)
     part: Part = table.make(Part, group=group, material=table.whole(Material))
     return part
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from math import ceil
 
+from uplift.forms.assembly.level import shifted
 from uplift.forms.parameters import PlateModel
 from uplift.forms.shells.kinematics import AXES_OF, Kinematics, choose, degree_of
 from uplift.meshes.checked import ModelError
@@ -27,9 +28,14 @@ def finer(mesh: MeshSource, factor: int) -> MeshSource:
 
 
 def kinematics_of(mesh: MeshSource, stated: Kinematics, model: PlateModel) -> tuple[str, str, int]:
-    """Return the kind of kinematics, the shape of the cells and the degree that the mesh will have; a file is taken for a folded shell."""
-    cell = "quadrilateral" if isinstance(mesh, MeshFile) else mesh.cell
-    kind = choose(stated, model, isinstance(mesh, Plate) or (isinstance(mesh, Panels) and mesh.flat))
+    """Return the kind of kinematics, the shape of the cells and the degree that the mesh will have.
+
+    A file, which is not read here, is of the kind that is stated, else taken for a folded shell.
+    """
+    if isinstance(mesh, MeshFile):
+        return stated.kind or "shell", "quadrilateral", degree_of(stated.kind or "shell", mesh.degree, "quadrilateral")
+    cell, level = mesh.cell, mesh.level if isinstance(mesh, Panels) else 0.0
+    kind = choose(stated, shifted(model, -level), isinstance(mesh, Plate) or mesh.flat)
     return kind, cell, degree_of(kind, mesh.degree, cell)
 
 

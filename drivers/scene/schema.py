@@ -14,7 +14,8 @@ from uplift.forms.parameters import Condition, Force, Mass, Pressure, Probe
 from uplift.forms.shells.kinematics import Kinematics
 from uplift.forms.shells.material import Material
 from uplift.meshes.checked import range_in_words
-from uplift.meshes.imported import SUFFIXES
+from uplift.meshes.groups import GroupNames
+from uplift.meshes.imported import SUFFIXES, MeshFile
 from uplift.meshes.panels import Panel, Panels
 from uplift.meshes.plate import EDGES, Plate
 from uplift.solvers.frequency_domain.window import Window
@@ -90,13 +91,14 @@ _PLACED = ("points", "shares", "group", "per")
 _GRID = "a table of from = [x, y, z], to = [x, y, z], count = [nx, ny, nz]"
 
 PLACES = (
-    Key("points", "an array of points [x, y], [x, y, z] or names of points", "where they stand; this or one of the next four", "m"),
+    Key("points", "an array of points [x, y], [x, y, z] or names of points or groups of points",
+        "where they stand; this or one of the next four; [x, y] lies in the plane of a flat mesh", "m"),
     Key("edge", str, f"equidistant points on an edge, such as {', '.join(EDGES)} of a rectangle, both ends included", default=None),
     Key("count", int, "number of points on the edge; required with `edge`", default=None, range=">= 2 and <= 1e+06"),
     Key("grid", _GRID, "a grid of points, row by row, x fastest", "m", None, "at most 1e+06 points"),
     Key("file", str, f"CSV file beside the scene with columns {', '.join(COLUMNS)} (the last two may be absent), a point a line; the "
                      "share multiplies what stands there", "m", None),
-    Key("group", str, "group of the mesh whose nodes they stand on", default=None),
+    Key("group", GroupNames, "group or groups of the mesh whose nodes they stand on", default=None),
     Key("per", str, "with `group`: what the numbers are meant for; shared out over the nodes by length or area", default="node",
         range='"node", "length", "area"'),
 )
@@ -146,7 +148,7 @@ def _mesh_sections() -> list[Section]:
         ), listed=True),
         Section("mesh", "[mesh] from a file", "Triangles or quadrilaterals with named groups.", (
             Key("file", str, "file beside the scene", range=f"ends in {' or '.join(SUFFIXES)}"),
-            *(key for key in of(Plate) if key.name == "degree"),
+            *of(MeshFile, "path", "degree"), *(key for key in of(Plate) if key.name == "degree"),
         )),
     ]
 
@@ -156,7 +158,7 @@ def _model_sections() -> list[Section]:
         Section("kinematics", "[kinematics]", "How the plate moves; without this section what the loads excite decides.", of(Kinematics)),
         Section("plate", "[plate]", _doc(Material), of(Material)),
         Section("parts", "[[parts]]", "A group of cells with a material or thickness of its own.",
-                (Key("group", str, "group of cells of the mesh"), *of(Material)), listed=True),
+                (Key("group", GroupNames, "group or groups of cells of the mesh"), *of(Material)), listed=True),
         Section("gravity", "[gravity]", _doc(model.Gravity), of(model.Gravity)),
         Section("supports", "[[supports]]", _doc(Support), (
             *PLACES, *of(Support, *_PLACED, stiffness=_stiffness("stiffness", "support spring, from the ground to the auxiliary node"),

@@ -8,6 +8,7 @@ import types
 from typing import Any, get_args, get_origin, get_type_hints
 
 from uplift.meshes.checked import ModelError
+from uplift.meshes.groups import GroupNames
 
 
 class Table:
@@ -102,6 +103,8 @@ class Table:
 def in_words(kind: Any) -> str:
     """Return a type as a user of TOML calls it."""
     words = {float: "a number", int: "a whole number", str: "a text in quotes", bool: "true or false", dict: "a table"}
+    if kind == GroupNames:
+        return "a text in quotes or an array of texts"
     if isinstance(kind, types.UnionType):
         return in_words(_present(kind))
     if get_origin(kind) is tuple:
@@ -121,6 +124,10 @@ def convert(value: Any, kind: Any, key: str) -> Any:
             return float(value)
         except OverflowError:
             raise ModelError(key, "expected a number that a double can hold") from None
+    if kind == GroupNames:
+        kind = tuple[str, ...] if isinstance(value, list) else str
+        if value == []:
+            raise ModelError(key, "expected at least one name")
     if isinstance(kind, types.UnionType):  # a number or nothing: what stands in the file is the number
         return convert(value, _present(kind), key)
     if get_origin(kind) is tuple:

@@ -13,6 +13,7 @@ from scipy import sparse
 from uplift.forms.assembly.compiled_forms import CompiledForms
 from uplift.forms.assembly.conditions import held_dofs
 from uplift.forms.assembly.full_space import FullSpace
+from uplift.forms.assembly.level import shifted
 from uplift.forms.assembly.loads import Inertia, load_list
 from uplift.forms.assembly.nodes import at_nodes
 from uplift.forms.assembly.numbering import Numbering
@@ -23,11 +24,12 @@ from uplift.forms.contact import joint_matrices
 from uplift.forms.contact.placement import place
 from uplift.forms.contact.rigid_motions import foot_middle
 from uplift.forms.contact.supports import AXES, TRANSLATIONS
-from uplift.forms.operators import LiftedArea, Operators, Outputs, elongation_group
-from uplift.forms.parameters import PlateModel
+from uplift.forms.operators import Contacts, LiftedArea, Operators, Outputs, elongation_group
+from uplift.forms.parameters import PlateModel, Probe
 from uplift.forms.shells.kinematics import up_of
 from uplift.meshes.checked import ModelError
 from uplift.meshes.compat import Mat, Space, Vec
+from uplift.meshes.tagged import TaggedMesh
 
 
 @dataclass
@@ -78,7 +80,8 @@ class AssembledPlate:
 
 def assemble_plate(compiled: CompiledForms, model: PlateModel) -> AssembledPlate:
     """Assemble the operators (collective). Raises `ModelError` for what does not fit the mesh, named by its key."""
-    model = _spelled_out(compiled, model)
+    level = compiled.tagged.level
+    model = _spelled_out(compiled, shifted(model, -level))
     field = FullSpace(compiled, model)
     held = held_dofs(model.conditions, compiled.tagged, compiled.space, compiled.components, compiled.kind)
     placement = place(compiled.space, compiled.components, compiled.kind, model)
@@ -102,7 +105,7 @@ def assemble_plate(compiled: CompiledForms, model: PlateModel) -> AssembledPlate
         mass=mass,
         damping=damping[0] if damping else None,
         loads=loads,
-        contacts=contacts,
+        contacts=_at_level(contacts, level),
         outputs=Outputs.of(groups, numbering.comm),
         comm=numbering.comm,
         bonded_springs=bonded,
@@ -119,9 +122,14 @@ def assemble_plate(compiled: CompiledForms, model: PlateModel) -> AssembledPlate
         lifted_area=lifted_area(compiled, field, numbering, up_of(model, compiled.kind)),
         joint_mass=sum(support.mass * float(support.factors.sum()) for support in model.supports),
         unrestrained=free_motions(compiled, model, held),
-        model=model,
+        model=shifted(model, level),
         labels=row_labels(compiled.space, numbering, placement.extra_nodes),
     )
+
+
+def _at_level(contacts: Contacts, level: float) -> Contacts:
+    """Return the contacts with their points (n_c, 3) at the height of the plate in m."""
+    return replace(contacts, points=contacts.points + np.array([0.0, 0.0, level])) if level else contacts
 
 
 def _spelled_out(compiled: CompiledForms, model: PlateModel) -> PlateModel:
@@ -137,7 +145,20 @@ def _spelled_out(compiled: CompiledForms, model: PlateModel) -> PlateModel:
                 where = f"{'load' if key == 'forces' else key}[{group.name}]"
                 raise ModelError(f"{where}.{error.key or 'group'}", error.message) from None
         found[key] = tuple(placed)
-    return replace(model, **found)
+    return replace(model, probes=tuple(_at_its_point(probe, compiled.tagged) for probe in model.probes), **found)
+
+
+def _at_its_point(probe: Probe, tagged: TaggedMesh) -> Probe:
+    """Return a probe with the coordinates of the point that it names."""
+    if not isinstance(probe.point, str):
+        return probe
+    try:
+        points = tagged.point(probe.point)
+    except ModelError as error:
+        raise ModelError(f"probes[{probe.name}].point", error.message) from None
+    if len(points) > 1:
+        raise ModelError(f"probes[{probe.name}].point", f"expected one point, the group {probe.point!r} holds {len(points)}")
+    return replace(probe, point=tuple(points[0].tolist()))
 
 
 def _full_matrices(field: FullSpace) -> list[Mat]:

@@ -12,6 +12,7 @@ from uplift.forms.shells.kinematics import AXES_OF
 from uplift.forms.shells.shell import edge_components
 from uplift.meshes.checked import ModelError
 from uplift.meshes.compat import Space, geometry_cells
+from uplift.meshes.groups import GroupNames, groups_in_words
 from uplift.meshes.tagged import SIDES, TaggedMesh
 
 STRAIGHT = 1e-6
@@ -25,7 +26,7 @@ def held_dofs(conditions: tuple[Condition, ...], tagged: TaggedMesh, space: Spac
     """
     held = [np.zeros(0, dtype=np.int64)]
     for condition in conditions:
-        key = f"conditions[{condition.group}]"
+        key = f"conditions[{groups_in_words(condition.group)}]"
         try:
             nodes = nodes_of(tagged, space, condition.group)
             names = condition.zero or _names_of_edge(condition, tagged, kind)
@@ -38,7 +39,7 @@ def held_dofs(conditions: tuple[Condition, ...], tagged: TaggedMesh, space: Spac
 
 def _names_of_edge(condition: Condition, tagged: TaggedMesh, kind: str) -> tuple[str, ...]:
     if tagged.dimension(condition.group) != 1:
-        raise ModelError("edge", f"{condition.group!r} is no edge")
+        raise ModelError("edge", f"{groups_in_words(condition.group)!r} is no edge")
     if condition.edge == "clamped":
         return tuple(f"D{axis}" for axis in AXES_OF[kind])
     if kind == "plane stress":
@@ -51,7 +52,7 @@ def _names_of_edge(condition: Condition, tagged: TaggedMesh, kind: str) -> tuple
     return edge_components(condition.edge, normal, along) if along >= 0 else (("DX", "DY", "DZ")[normal],)
 
 
-def _axes_of_edge(group: str, tagged: TaggedMesh) -> tuple[int, int]:
+def _axes_of_edge(group: GroupNames, tagged: TaggedMesh) -> tuple[int, int]:
     """Return the axis that the edge runs along and that of the normal of its plates, -1 for none (collective)."""
     mesh = tagged.mesh
     cells, x = geometry_cells(mesh), mesh.geometry.x

@@ -17,6 +17,7 @@ from uplift.forms.parameters import Part, PlateModel, Pressure
 from uplift.forms.shells.material import Material
 from uplift.meshes.checked import ModelError
 from uplift.meshes.compat import Mat
+from uplift.meshes.groups import GroupNames, groups_in_words
 
 
 class FullSpace:
@@ -34,7 +35,7 @@ class FullSpace:
         try:
             return self.tagged.cells(part.group)
         except ModelError as error:
-            raise ModelError(f"parts[{part.group}]", error.message) from None
+            raise ModelError(f"parts[{groups_in_words(part.group)}]", error.message) from None
 
     def set_material(self, **factors: Callable[[Material], float]) -> None:
         """Set every material function; `factors` name fields that are multiplied by a number of the material."""
@@ -51,9 +52,9 @@ class FullSpace:
         matrix.assemble()
         return matrix
 
-    def area(self, group: str) -> np.ndarray:
-        """Return the area (n_owned nodes,) in m2 of a group of cells that belongs to each node (collective)."""
-        cells = self.tagged.cells(group)
+    def area(self, group: GroupNames) -> np.ndarray:
+        """Return the area (n_owned nodes,) in m2 of groups of cells, of all for "", that belongs to each node (collective)."""
+        cells = self.tagged.cells(group) if group else slice(None)
         self.set_material()
         density, thickness = self.compiled.material.density.x.array, self.compiled.material.thickness.x.array
         inside = np.zeros(len(density))

@@ -20,10 +20,8 @@ def lifted_area(forms: CompiledForms, field: FullSpace, numbering: Numbering, up
     model, name = field.model, f"D{AXES[up]}"
     if name not in forms.components:
         return LiftedArea(np.zeros(0, dtype=int), np.zeros(0), numbering.comm)
-    surfaces = [n for n, (d, _) in forms.tagged.groups.items() if d == 2]
-    groups = [model.uplift_group] if model.uplift_group else surfaces
     try:
-        weights = np.sum([field.area(group) for group in groups], axis=0)
+        weights = field.area(model.uplift_group)
     except ModelError as error:
         raise ModelError("output.uplift_group", error.message) from None
     rows = numbering.local_row[forms.components.index(name) :: len(forms.components)]

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from uplift.meshes.checked import Checked, ModelError, quantity
+from uplift.meshes.groups import GroupNames
 
 AXES = ("X", "Y", "Z", "RX", "RY", "RZ")
 """Components of a node: displacements along the axes, then rotations about them."""
@@ -27,6 +28,10 @@ Point = tuple[float, ...]
 
 PLACES = ("points", "node", "length", "area")
 """What the numbers of a group are meant for: one of its points, or each node, metre or square metre of a group of the mesh."""
+
+
+PlacedPoint = Any
+"""A `Point`, or until the mesh is read the name of a point or group of points in its file."""
 
 
 def in_space(point: Point) -> tuple[float, float, float]:
@@ -44,14 +49,14 @@ class Placed(Checked):
     """Base of what stands at points, or on a group of the mesh whose nodes become its points."""
 
     name: str
-    points: tuple[Point, ...]
+    points: tuple[PlacedPoint, ...]
     shares: tuple[float, ...]
-    group: str
+    group: GroupNames
     per: str
 
     def __post_init__(self) -> None:
         """Complete points and components to three and six numbers, then check."""
-        self._set(points=tuple(in_space(p) for p in self.points))
+        self._set(points=tuple(p if isinstance(p, str) else in_space(p) for p in self.points))
         if self.shares and len(self.shares) != len(self.points):
             raise ModelError("shares", f"expected {len(self.points)}, one a point, got {len(self.shares)}")
         super().__post_init__()
@@ -75,10 +80,10 @@ class Spring(Placed):
     """Springs between plate nodes and the ground."""
 
     name: str = quantity("name of the group of springs")
-    points: tuple[Point, ...] = quantity("plate nodes", "m")
+    points: tuple[PlacedPoint, ...] = quantity("plate nodes", "m")
     stiffness: tuple[float, ...] = quantity("stiffness along and about the axes", "N/m or N m/rad")
     shares: tuple[float, ...] = quantity("factor of the stiffness at each point", default=())
-    group: str = quantity("group of the mesh that the springs stand on, instead of points", default="")
+    group: GroupNames = quantity("group or groups of the mesh that the springs stand on, instead of points", default="")
     per: str = quantity("what the stiffness is meant for", default="points", one_of=PLACES)
 
     def check(self) -> None:
@@ -92,7 +97,7 @@ class Support(Placed):
     """Joints under plate nodes: support spring, point mass and contact spring in series."""
 
     name: str = quantity("name of the group of supports")
-    points: tuple[Point, ...] = quantity("plate nodes above the supports", "m")
+    points: tuple[PlacedPoint, ...] = quantity("plate nodes above the supports", "m")
     stiffness: tuple[float, ...] = quantity("support spring, ground to auxiliary node, along and about the axes", "N/m or N m/rad")
     contact: tuple[float, ...] = quantity("contact spring, auxiliary node to plate, along and about the axes", "N/m or N m/rad")
     mass: float = quantity("point mass of the auxiliary node", "kg", default=0.0, at_least=0.0)
@@ -107,7 +112,7 @@ class Support(Placed):
         "what becomes of the other directions while the contact is open", default="bonded", one_of=("bonded", "released")
     )
     shares: tuple[float, ...] = quantity("factor of stiffnesses, mass and preload at each point", default=())
-    group: str = quantity("group of the mesh that the supports stand under, instead of points", default="")
+    group: GroupNames = quantity("group or groups of the mesh that the supports stand under, instead of points", default="")
     per: str = quantity("what stiffnesses, mass and preload are meant for", default="points", one_of=PLACES)
 
     def check(self) -> None:

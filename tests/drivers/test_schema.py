@@ -124,8 +124,10 @@ def tables():
     panels["modal"] = {"low": 0.0, "high": 5.0}
     panels["harmonic"] = {"low": 1.0, "high": 5.0, "count": 3}
     file = tomllib.loads(BASE)
-    file["mesh"] = {"file": "mesh.msh", "degree": 1}
-    return [rectangle, panels, file]
+    file["mesh"] = {"file": "mesh.msh", "degree": 1, "merge": True}
+    cracked = tomllib.loads(BASE)
+    cracked["mesh"] = {"file": "mesh.msh", "cracks": ["JOINT"]}
+    return [rectangle, panels, file, cracked]
 
 
 @pytest.fixture

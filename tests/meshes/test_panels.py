@@ -9,7 +9,7 @@ from uplift.meshes.gather import gather_mesh
 from uplift.meshes.gmsh_session import gmsh_session
 from uplift.meshes.imported import MeshFile
 from uplift.meshes.panels import Panel, Panels
-from uplift.meshes.panels_gmsh import check_cells
+from uplift.meshes.panels_gmsh import check_cells, check_plates_joined
 from uplift.meshes.tagged import build_mesh
 
 SQUARE = ((0.0, 0.0, 0.0), (4.0, 0.0, 0.0), (4.0, 4.0, 0.0), (0.0, 4.0, 0.0))
@@ -17,7 +17,7 @@ L_SHAPE = ((0.0, 0.0, 0.0), (3.0, 0.0, 0.0), (3.0, 1.0, 0.0), (1.0, 1.0, 0.0), (
 HOLE = ((0.25, 0.25, 0.0), (0.75, 0.25, 0.0), (0.75, 0.75, 0.0), (0.25, 0.75, 0.0))
 
 
-def as_it_is(flat, order):
+def as_it_is(flat, order, level):
     return 2 if flat else 3, order
 
 
@@ -210,3 +210,58 @@ def test_files_that_are_no_mesh_of_plates_are_refused(comm, tmp_path):
     )
     with pytest.raises(ModelError, match="triangles alone or quadrilaterals alone"):
         build_mesh(comm, MeshFile(mixed), as_it_is)
+
+
+@pytest.mark.serial
+def test_plates_that_gmsh_does_not_join_are_refused():
+    """A wall on the middle line of a raft, which a regular mesh of the raft passes over."""
+    with gmsh_session() as gmsh:
+        occ, mesh = gmsh.model.occ, gmsh.model.mesh
+        raft = occ.addRectangle(0.0, 0.0, 0.0, 8.0, 6.0)
+        corners = [occ.addPoint(*at) for at in ((1.7, 2.8, 0.0), (5.9, 2.8, 0.0), (5.9, 2.8, 4.0), (1.7, 2.8, 4.0))]
+        wall = occ.addPlaneSurface([occ.addCurveLoop([occ.addLine(a, b) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)])])
+        (raft_pieces, wall_pieces) = occ.fragment([(2, raft)], [(2, wall)])[1]
+        occ.synchronize()
+        mesh.setTransfiniteSurface(raft_pieces[0][1])
+        mesh.generate(2)
+        with pytest.raises(ModelError, match=r"the plate 'RAFT' is not joined at .*, 2.8, 0\) m"):
+            check_plates_joined(gmsh.model, {"RAFT": raft_pieces, "WALL": wall_pieces})
+
+
+ARRANGEMENTS = {
+    "inside": [((1.7, 2.8), (5.9, 2.8))], "slanting": [((1.7, 2.2), (5.9, 4.8))], "from the rim": [((0.0, 2.8), (5.9, 2.8))],
+    "T": [((1.0, 2.8), (6.0, 2.8)), ((3.3, 2.8), (3.3, 5.0))], "crossing": [((1.0, 2.8), (6.0, 2.8)), ((3.3, 1.0), (3.3, 5.0))],
+    "L": [((1.0, 2.8), (6.0, 2.8)), ((6.0, 2.8), (6.0, 5.0))],
+}
+
+
+@pytest.mark.parametrize("foot", [0.0, -1.0])
+@pytest.mark.parametrize("cell", ["quadrilateral", "triangle"])
+@pytest.mark.parametrize("lines", ARRANGEMENTS.values(), ids=ARRANGEMENTS)
+def test_walls_share_the_nodes_of_the_raft_they_stand_on_or_pass_through(comm, lines, cell, foot):
+    raft = Panel("RAFT", ((0.0, 0.0, 0.0), (8.0, 0.0, 0.0), (8.0, 6.0, 0.0), (0.0, 6.0, 0.0)))
+    walls = [Panel(f"W{i}", ((*a, foot), (*b, foot), (*b, 2.0), (*a, 2.0))) for i, (a, b) in enumerate(lines)]
+    node = (0.5 * (lines[0][0][0] + lines[0][1][0]), 0.5 * (lines[0][0][1] + lines[0][1][1]), 0.0)  # on the line that raft and wall share
+    tagged = build_mesh(comm, Panels((raft, *walls), 0.9, cell, nodes=(node, (1.234, 1.345, 0.0))), as_it_is)
+    assert tagged.parts == ()
+    whole = gather_mesh(tagged)
+    if whole is not None:
+        # Where nodes are shared there is one at each place, and each side of a wall on the raft is one of the raft as well.
+        assert len(np.unique(np.round(whole.points, 6), axis=0)) == len(whole.points)
+        high = np.abs(whole.points[whole.corners][..., 2]).max(axis=1) > 1e-9
+        of_raft, of_walls = ({tuple(sorted(side)) for side in sides.tolist()} for sides in (sides_on(whole, ~high), sides_on(whole, high)))
+        assert of_walls and of_walls <= of_raft
+        assert np.min(np.linalg.norm(whole.points - node, axis=1)) < 1e-9
+
+
+def sides_on(whole, chosen):
+    """Sides (n, 2) in the plane Z = 0 of the chosen cells."""
+    corners = whole.corners[chosen]
+    sides = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 2)
+    return sides[np.all(np.abs(whole.points[sides][..., 2]) < 1e-9, axis=1)]
+
+
+def test_parts_of_a_mesh_are_named(comm):
+    upper = Panel("UPPER", tuple((x, y, z + 3.0) for x, y, z in SQUARE))
+    parts = build_mesh(comm, Panels((Panel("LOWER", SQUARE), upper), 1.0), as_it_is).parts
+    assert sorted(part.name for part in parts) == ["'LOWER'", "'UPPER'"]

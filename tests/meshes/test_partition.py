@@ -61,7 +61,7 @@ def test_walls_across_a_raft_share_its_nodes(comm, stations, cell):
     walls = tuple(
         Panel(f"WALL{i}", ((x, 0.0, 0.0), (x, 4.0, 0.0), (x, 4.0, 1.0), (x, 0.0, 1.0))) for i, x in enumerate(stations)
     )
-    tagged = build_mesh(comm, Panels((raft, *walls), 0.5, cell), lambda flat, order: (3, 1))
+    tagged = build_mesh(comm, Panels((raft, *walls), 0.5, cell), lambda flat, order, level: (3, 1))
     nodes = tagged.mesh.geometry.x[: tagged.mesh.geometry.index_map().size_local]
     nodes = np.concatenate(comm.allgather(nodes))
     assert len(np.unique(np.round(nodes, 9), axis=0)) == len(nodes) == tagged.mesh.geometry.index_map().size_global

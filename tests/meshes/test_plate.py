@@ -10,7 +10,7 @@ from uplift.meshes.plate import EDGES, Plate
 from uplift.meshes.tagged import build_mesh
 
 
-def in_plane(flat, order):
+def in_plane(flat, order, level):
     assert flat
     return 2, order
 
@@ -25,7 +25,7 @@ def shoelace(corners):
 @pytest.mark.parametrize("degree", [1, 2])
 def test_structured_plate_has_its_cells_groups_and_area(comm, cell, degree):
     plate = Plate(3.0, 5.0, 3, 7, cell, degree)
-    tagged = build_mesh(comm, plate, lambda flat, order: (2, degree))
+    tagged = build_mesh(comm, plate, lambda flat, order, level: (2, degree))
     per_square = 1 if cell == "quadrilateral" else 2
     assert tagged.mesh.topology.index_map(2).size_global == 21 * per_square
     assert tagged.mesh.geometry.index_map().size_global == (3 * degree + 1) * (7 * degree + 1)
@@ -33,7 +33,7 @@ def test_structured_plate_has_its_cells_groups_and_area(comm, cell, degree):
     owned = {edge: int(np.sum(tagged.facets(edge) < facets.size_local)) for edge in EDGES}
     assert [comm.allreduce(owned[edge]) for edge in EDGES] == [3, 7, 3, 7]
     assert tagged.groups["DAL1"][0] == 2
-    assert {n: tuple(p) for n, p in tagged.points.items()} == plate.corners
+    assert {n: tuple(p[0]) for n, p in tagged.points.items()} == plate.corners
     whole = gather_mesh(tagged)
     if comm.rank == 0:
         area = shoelace(whole.points[whole.corners][..., :2])

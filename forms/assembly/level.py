@@ -1,0 +1,31 @@
+"""Flat plates at any height: a plate that is bent, or stretched in its plane, is computed in the plane Z = 0."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+from uplift.forms.contact.supports import PlacedPoint
+from uplift.forms.parameters import PlateModel
+
+
+def _with_points(model: PlateModel, move: Callable[[PlacedPoint], PlacedPoint]) -> PlateModel:
+    def moved(placed: Any) -> Any:
+        return replace(placed, points=tuple(move(point) for point in placed.points))
+
+    changed: dict[str, Any] = {name: tuple(moved(p) for p in getattr(model, name)) for name in ("supports", "springs", "masses", "forces")}
+    return replace(model, probes=tuple(replace(probe, point=move(probe.point)) for probe in model.probes), **changed)
+
+
+def in_plane(model: PlateModel, level: float) -> PlateModel:
+    """Return the model with points of height 0, as [x, y] has it, in the plane of a flat mesh at the height `level` in m."""
+    return _with_points(model, lambda p: p if isinstance(p, str) or p[2] != 0.0 else (p[0], p[1], level)) if level else model
+
+
+def shifted(model: PlateModel, by: float) -> PlateModel:
+    """Return the model with all its points, and the centres of rocking motions, moved by so many m along Z."""
+    if not by:
+        return model
+    motions = tuple(replace(motion, center=(*motion.center[:2], motion.center[2] + by)) for motion in model.motions)
+    return replace(_with_points(model, lambda p: p if isinstance(p, str) else (p[0], p[1], p[2] + by)), motions=motions)
