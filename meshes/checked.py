@@ -75,7 +75,7 @@ class Checked:
             value = getattr(self, field.name)
             allowed = field.metadata.get("one_of")
             if allowed and value not in allowed:
-                raise ModelError(field.name, f"expected one of {', '.join(allowed)}, got {value!r}")
+                raise ModelError(field.name, f"expected one of {', '.join(filter(None, allowed))}, got {value!r:.60}")
             if isinstance(value, bool) or not isinstance(value, (int, float)):
                 continue
             if not _finite(value) or _outside(value, field.metadata):

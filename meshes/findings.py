@@ -41,6 +41,10 @@ class Kind:
 KINDS = {
     "scene": Kind("doubt", "The scene may not mean what it says: no signal, nothing that presses on the supports."),
     "signal": Kind("doubt", "A signal and the time step, the duration or the rows of its record do not fit."),
+    "record": Kind(
+        "doubt", "The heading of a record names another unit than the scene, or one that the scene leaves open (a note says which is "
+        "taken); a record begins before time 0, ends with a jump, is zero or does not act within the run."
+    ),
     "overlap": Kind("doubt", "Plates lie on each other; what both cover is there once."),
     "unsettled": Kind("doubt", "The settling steps end away from the state of rest."),
     "wrap-around": Kind("doubt", "The end of the periodic window acts on its beginning."),

@@ -103,15 +103,15 @@ def in_words(kind: Any) -> str:
     """Return a type as a user of TOML calls it."""
     words = {float: "a number", int: "a whole number", str: "a text in quotes", bool: "true or false", dict: "a table"}
     if isinstance(kind, types.UnionType):
-        return in_words(_present(kind))
+        return " or ".join(map(in_words, _present(kind)))
     if get_origin(kind) is tuple:
         return "an array of " + {float: "numbers", str: "texts", int: "whole numbers"}[get_args(kind)[0]]
     return words.get(kind, "an array" if kind is list else "a value")
 
 
-def _present(kind: Any) -> Any:
-    """Return what stands in the file of a type that may be nothing."""
-    return next(option for option in get_args(kind) if option is not type(None))
+def _present(kind: Any) -> list[Any]:
+    """Return what may stand in the file of a type that may be several, or nothing."""
+    return [option for option in get_args(kind) if option is not type(None)]
 
 
 def convert(value: Any, kind: Any, key: str) -> Any:
@@ -122,7 +122,11 @@ def convert(value: Any, kind: Any, key: str) -> Any:
         except OverflowError:
             raise ModelError(key, "expected a number that a double can hold") from None
     if isinstance(kind, types.UnionType):  # a number or nothing: what stands in the file is the number
-        return convert(value, _present(kind), key)
+        options = _present(kind)
+        fitting = [option for option in options if isinstance(value, option) and not isinstance(value, bool)]
+        if len(options) > 1 and not fitting:
+            raise ModelError(key, f"expected {in_words(kind)}, got {value!r:.60}")
+        return convert(value, (fitting or options)[0], key)
     if get_origin(kind) is tuple:
         if not isinstance(value, list):
             raise ModelError(key, f"expected an array, got {value!r:.60}")
