@@ -37,7 +37,8 @@ def write_results(path: Path, results: Results) -> None:
     """Write the results file."""
     import h5py
 
-    with h5py.File(path, "w") as file:
+    # From 1.8 on the format holds attributes of any size: the names of some thousand contacts are more than 64 kB.
+    with h5py.File(path, "w", libver=("v108", "v108")) as file:
         file.attrs.update({"format": FORMAT, "version": VERSION, "name": results.name, "units": "SI"})
         text = h5py.string_dtype("utf-8")
         file.create_dataset("scene", data=results.scene_text, dtype=text)

@@ -36,7 +36,8 @@ class Record(Checked):
 
     Columns are parted by semicolons, tabs, commas or blanks; the decimal sign is a point, or a comma where commas separate
     nothing. Lines that begin with # % ! or // are remarks, as are lines of words before the numbers. Times stand in the column
-    whose heading says so, else in the first. It is interpolated at the instants of the analysis; a run warns where these pass over rows or fall between them.
+    whose heading says so, else in the first. It is interpolated at the instants of the analysis; a run warns where these pass over
+    rows or fall between them.
     """
 
     file: str = quantity("text file beside the scene")
