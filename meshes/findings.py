@@ -36,23 +36,42 @@ class Kind:
     severity: str
     about: str
     """When it is said, for the guide."""
+    helps: str = ""
+    """What to do about it."""
 
 
 KINDS = {
-    "scene": Kind("doubt", "The scene may not mean what it says: no signal, nothing that presses on the supports."),
-    "signal": Kind("doubt", "A signal and the time step, the duration or the rows of its record do not fit."),
+    "scene": Kind(
+        "doubt", "The scene may not mean what it says: no signal, nothing that presses on the supports.",
+        "another method, or the load that is missing"
+    ),
+    "signal": Kind(
+        "doubt", "A signal and the time step, the duration or the rows of its record do not fit.",
+        "a smaller step, a longer run, a step that divides the rows"
+    ),
     "record": Kind(
         "doubt", "The heading of a record names another unit than the scene, or one that the scene leaves open (a note says which is "
-        "taken); a record begins before time 0, ends with a jump, is zero or does not act within the run."
+        "taken); a record begins before time 0, ends with a jump, is zero or does not act within the run.",
+        "`unit`, `column`, another file or duration",
     ),
-    "overlap": Kind("doubt", "Plates lie on each other; what both cover is there once."),
-    "unsettled": Kind("doubt", "The settling steps end away from the state of rest."),
-    "wrap-around": Kind("doubt", "The end of the periodic window acts on its beginning."),
-    "aliasing": Kind("doubt", "Energy of a load above half the sampling rate comes back at a lower frequency."),
-    "cutoff": Kind("doubt", "Energy of a load above the highest frequency that is solved is left out."),
-    "modes alone": Kind("doubt", "Contact forces from modes without static answers."),
+    "overlap": Kind("doubt", "Plates lie on each other; what both cover is there once.", "see whether that is meant"),
+    "unsettled": Kind("doubt", "The settling steps end away from the state of rest.", "more settling steps, or `start = 'static'`"),
+    "wrap-around": Kind("doubt", "The end of the periodic window acts on its beginning.", "a longer window, or the exact sweep"),
+    "aliasing": Kind("doubt", "Energy of a load above half the sampling rate comes back at a lower frequency.", "more samples"),
+    "cutoff": Kind("doubt", "Energy of a load above the highest frequency that is solved is left out.", "a higher cutoff"),
+    "modes alone": Kind("doubt", "Contact forces from modes without static answers.", "`static_correction = true`"),
+    "passes without end": Kind(
+        "grave", "The published passes diverge, or have not converged within their number; exit code 1.", "leave out `--iterations`"
+    ),
+    "tension left": Kind("doubt", "After the published passes that were asked for contacts still pull.", "leave out `--iterations`"),
+    "farthest at the end": Kind(
+        "doubt", "The largest displacement stands at the end of the run: the peak may lie beyond.", "a longer duration"
+    ),
+    "flight": Kind("doubt", "All contacts are open at once.", "see whether that is meant; sideways springs still hold the plate"),
+    "numerical energy": Kind("doubt", "The time scheme takes away or adds more than 2 % of the energy.", "a smaller step"),
+    "picture": Kind("note", "A picture could not be drawn; all other files are there."),
+    "checkpoint": Kind("note", "A checkpoint is missing, replaced or could not be written.", "`--resume`, or let it be replaced"),
     "error in time": Kind("doubt", "The time integration is off by more than two percent."),
-    "checkpoint": Kind("note", "A checkpoint is missing, replaced or could not be written."),
     "scalars": Kind("note", "Real numbers are computed as complex ones: the real build of PETSc is not there."),
     "failed case": Kind("doubt", "A case of a study or a comparison has no answer."),
 }
@@ -72,3 +91,9 @@ def say(key: str, text: str, *, severity: str | None = None) -> None:
 def tell(found: Finding) -> None:
     """Say a finding that is there already."""
     log.warning("%s", found, extra={"finding": found})
+
+
+def table() -> str:
+    """Return all findings as a table for the guide, in Markdown."""
+    rows = [f"| {key} | {kind.severity} | {kind.about} | {kind.helps} |" for key, kind in KINDS.items()]
+    return "\n".join(["| key | severity | it is said when | what helps |", "|---|---|---|---|", *rows])

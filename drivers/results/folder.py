@@ -42,8 +42,8 @@ def claimed_folder(path: Path, *, overwrite: bool, mark: str = SUMMARY, held: st
     """Make the folder and keep other runs out of it until the block ends; on rank 0 alone, the others pass.
 
     The lock is on the folder itself and leaves nothing behind; a file system that knows no locks goes without. Raises `ModelError` if
-    the folder cannot be written, if a run is writing into it, if a folder in it bears the name of a file, or if it holds the file `mark`, which says that `held` is there, and that
-    is not to be overwritten.
+    the folder cannot be written, if a run is writing into it, if a folder in it bears the name of a file, or if it holds the file
+    `mark`, which says that `held` is there, and that is not to be overwritten.
     """
     if launch_rank() != 0:
         yield

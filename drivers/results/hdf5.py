@@ -69,7 +69,7 @@ PER_DATASET = 2**11
 def _bytes_of(results: Results) -> int:
     """Return what the numbers and names of the results take in a file at most."""
     plate, spectra = results.plate, results.spectra
-    arrays = [results.times, *results.points.values(), *(series.values for series in results.series.values())]
+    arrays: list[Any] = [results.times, *results.points.values(), *(series.values for series in results.series.values())]
     if plate is not None:
         arrays += [plate.points, plate.cells, plate.peak, plate.envelope, *plate.snapshots]
         arrays += [plate.amplitude, plate.amplitude] * (plate.amplitude is not None)

@@ -169,4 +169,4 @@ def write_study(out: Path, study: StudyTable, *, draw: bool) -> None:
             writer.writerows([[repr(value) for value in row] for row in study.rows])
         write_summary(staging / "summary.json", study.facts)
         if draw:
-            draw_study(staging / "study.png", study.columns, np.array(study.rows), study.varied, study.title)
+            draw(draw_study, staging / "study.png", study.columns, np.array(study.rows), study.varied, study.title)
