@@ -41,6 +41,9 @@ def whole_file(path: Path, size: int) -> Iterator[Path]:
         with hdf5_errors(path):
             reserve(staging, size)
             yield staging
+        umask = os.umask(0)
+        os.umask(umask)
+        staging.chmod(0o666 & ~umask)  # as any file that is made; a temporary one is its owner's alone
         with staging.open("rb") as written:
             os.fsync(written.fileno())
         staging.replace(path)

@@ -130,7 +130,8 @@ def _draw(assembly: AssembledScene, analysis: Analysis, folder: Path, mesh: Whol
     title = f"{assembly.scene.title or 'Uplift'}\n{analysis.method}, {how}"
     first = passes.histories[0].probes if passes.number > 1 else None
     if in_time:
-        draw(history_plots.draw_history, folder / "history.png", history.times, assembly.operators.probes.names, history.probes, first, title)
+        names = assembly.operators.probes.names
+        draw(history_plots.draw_history, folder / "history.png", history.times, names, history.probes, first, title)
     contacts = assembly.operators.contacts
     if "contacts" in recorded:
         n = len(contacts.names)

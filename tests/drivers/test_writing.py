@@ -1,7 +1,6 @@
 """Results are all there or not at all: pictures that fail, folders that stand in the way, disks that are full, nobody who reads."""
 
 import os
-import resource
 import subprocess
 import sys
 from pathlib import Path
@@ -9,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from uplift.drivers.report.history_plots import draw_uplift
 from uplift.drivers.report.pictures import draw
 from uplift.drivers.results.folder import all_or_nothing
 from uplift.meshes.checked import ModelError
@@ -21,20 +21,16 @@ SCENE = ROOT / "drivers" / "scenes" / "sdls119a.toml"
 CLEAN = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_COMM", "PMIX", "PRTE"))}
 
 
-def run(out, *more, limit=None, environment=CLEAN, code=None, **streams):
-    def lower():
-        if limit is not None:
-            resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
-
+def run(out, *more, environment=CLEAN, code=None, **streams):
     start = ["-m", "drivers"] if code is None else ["-c", code]
     command = [sys.executable, *start, "run", str(SCENE), "--method", "static", "--checkpoint", "0", "--out", str(out), *more]
     streams = streams or {"stdout": subprocess.PIPE}
-    return subprocess.run(command, cwd=ROOT, env=environment, stderr=subprocess.PIPE, text=True, timeout=240, preexec_fn=lower, **streams)
+    return subprocess.run(command, cwd=ROOT, env=environment, stderr=subprocess.PIPE, text=True, timeout=240, **streams)
 
 
 def test_a_picture_that_fails_is_said_and_costs_nothing(tmp_path):
     code = (
-        "import sys; from uplift.drivers.report import plots; plots.draw_deformed = lambda *what: 1 / 0; "
+        "import sys; from uplift.drivers.report import plate_plots; plate_plots.draw_deformed = lambda *what: 1 / 0; "
         "from uplift.drivers.cli import main; sys.exit(main(sys.argv[1:]))"
     )
     done = run(tmp_path, code=code)
@@ -44,7 +40,7 @@ def test_a_picture_that_fails_is_said_and_costs_nothing(tmp_path):
 
 
 def test_names_with_dollar_signs_are_drawn(tmp_path):
-    draw("draw_uplift", tmp_path / "a.png", np.arange(3.0), np.arange(3.0), "price $ \\frac{ $x$ & <b> \u00e9")
+    draw(draw_uplift, tmp_path / "a.png", np.arange(3.0), np.arange(3.0), "price $ \\frac{ $x$ & <b> \u00e9")
     assert (tmp_path / "a.png").stat().st_size > 1000
 
 
@@ -88,14 +84,26 @@ def test_a_move_that_fails_midway_is_undone(tmp_path, monkeypatch):
     assert [path.name for path in tmp_path.iterdir()] == ["a.csv"] and (tmp_path / "a.csv").read_text(encoding="utf-8") == "old"
 
 
-@pytest.mark.parametrize("limit", [0, 200, 5_000, 20_000, 60_000, 150_000])
+LIMITED = """
+import resource, sys
+from uplift.drivers.report import files
+before = files.say_findings
+def lower(*what):
+    resource.setrlimit(resource.RLIMIT_FSIZE, (LIMIT, LIMIT))
+    before(*what)
+files.say_findings = lower
+from uplift.drivers.cli import main
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+@pytest.mark.parametrize("limit", [0, 100, 5_000, 25_000, 45_000])
 def test_without_room_a_run_ends_in_one_line_and_leaves_nothing(tmp_path, limit):
-    """A limit of the size of files stands for a full disk; the largest is passed by the page alone."""
-    run(tmp_path / "warm")  # the compiled forms are in the cache
-    out = tmp_path / "out"
-    done = run(out, "--no-plots", limit=limit)
-    assert done.returncode == 1 and len(done.stderr.splitlines()) == 1, done.stderr
-    assert "File too large" in done.stderr and list(out.iterdir()) == []
+    """A limit of the size of files stands for a full disk: in the tables, in the results file, in the page."""
+    done = run(tmp_path, "--no-plots", "--quiet", code=LIMITED.replace("(LIMIT, LIMIT)", f"({limit}, {limit})"))
+    lines = [line for line in done.stderr.splitlines() if not line.startswith("doubt")]
+    assert done.returncode == 1 and len(lines) == 1 and "File too large" in lines[0], done.stderr
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_block_that_fails_leaves_the_older_file(tmp_path):
@@ -118,6 +126,15 @@ def test_a_run_that_cannot_print_writes_its_files(tmp_path, closed):
         done = subprocess.run(["bash", "-c", command], cwd=ROOT, env=CLEAN, stderr=subprocess.PIPE, text=True, timeout=240)
     assert done.returncode == 0 and "Traceback" not in done.stderr, done.stderr
     assert (tmp_path / "results.h5").is_file()
+    assert ("standard output cannot be written" in done.stderr) == (closed == "full")
+
+
+def test_results_can_be_read_by_those_who_may_read_files(tmp_path):
+    umask = os.umask(0)
+    os.umask(umask)
+    with whole_file(tmp_path / "a.h5", 10) as staging:
+        staging.write_text("new", encoding="utf-8")
+    assert (tmp_path / "a.h5").stat().st_mode & 0o777 == 0o666 & ~umask
 
 
 def test_a_run_without_a_path_of_programs(tmp_path):

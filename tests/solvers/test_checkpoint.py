@@ -210,3 +210,36 @@ def test_a_new_run_does_not_take_what_an_old_one_left(tmp_path, comm, caplog):
     assert [p.name for p in tmp_path.iterdir()] == ["laplace-1-0001.h5"]
     new.clear()
     assert not tmp_path.exists()
+
+
+@pytest.mark.serial
+def test_only_checkpoints_are_removed_and_through_no_link(tmp_path, comm):
+    folder, elsewhere = tmp_path / "checkpoint", tmp_path / "elsewhere"
+    folder.mkdir()
+    elsewhere.mkdir()
+    labels = np.arange(3)[:, None]
+    write_file(elsewhere / "theirs.h5", {"a": np.ones(2)}, "run", "rows")
+    (folder / "linked.h5").symlink_to(elsewhere / "theirs.h5")
+    with h5py.File(folder / "mine.h5", "w") as foreign:
+        foreign["x"] = np.ones(3)
+    (folder / "text.h5").write_text("no", encoding="utf-8")
+    (folder / "march.unfinished").symlink_to(elsewhere / "theirs.h5")
+    before = (elsewhere / "theirs.h5").read_bytes()
+    checkpoint = Checkpoint(folder, "run", comm, labels)
+    assert checkpoint.save("march", {"a": np.ones(3)})
+    assert checkpoint.save("march", {"a": np.zeros(3)})
+    checkpoint.clear()
+    assert sorted(path.name for path in folder.iterdir()) == ["linked.h5", "mine.h5", "text.h5"]
+    assert (elsewhere / "theirs.h5").read_bytes() == before
+    (tmp_path / "link").symlink_to(elsewhere)
+    with pytest.raises(ModelError, match="is a link"):
+        Checkpoint(tmp_path / "link", "run", comm, labels)
+
+
+@pytest.mark.serial
+def test_a_checkpoint_that_says_more_than_it_holds_is_refused(tmp_path):
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file.attrs.update({"format": "uplift checkpoint 1", "run": "r", "rows": "r", "contents": "0"})
+        file.create_dataset("a", (10**6, 10**6), dtype=float, chunks=(1000, 1000))
+    with pytest.raises(ModelError, match="no values"):
+        read_file(tmp_path / "a.h5", "r", "r")
