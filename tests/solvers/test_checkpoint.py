@@ -167,11 +167,12 @@ def test_files_that_are_not_this_run_s_are_refused_by_name(tmp_path):
 
 
 @pytest.mark.serial
-def test_a_full_disk_is_reported_and_the_checkpoint_before_it_stays(tmp_path, comm, caplog):
+def test_a_full_disk_is_reported_and_the_checkpoint_before_it_stays(tmp_path, comm, caplog, monkeypatch):
     checkpoint = Checkpoint(tmp_path / "new", "run", comm, np.arange(4)[:, None])
     assert checkpoint.save("march-1", {"u": np.zeros(10)})
-    (tmp_path / "new" / "march-1.unfinished").symlink_to("/dev/full")
-    with caplog.at_level("WARNING", logger="solvers"):
+    (tmp_path / "new" / "march-1.unfinished").write_text("of a run that was killed", encoding="utf-8")
+    with caplog.at_level("WARNING", logger="uplift"), monkeypatch.context() as full:
+        full.setattr("os.fsync", lambda handle: (_ for _ in ()).throw(OSError(errno.ENOSPC, "No space left on device")))
         assert not checkpoint.save("march-1", {"u": np.ones(10)})
     assert "march-1.h5 could not be written" in caplog.text and "No space left on device" in caplog.text
     words = checkpoint.state_in_words(comm)
