@@ -8,7 +8,7 @@ from uplift.drivers.analysis.assembled_scene import AssembledScene
 from uplift.drivers.analysis.modes import Wanted, find_modes
 from uplift.forms.contact.supports import TRANSLATIONS
 from uplift.meshes.checked import ModelError
-from uplift.solvers.bases.modes import dofs_with_mass
+from uplift.solvers.bases.pencil import dofs_with_mass
 from uplift.solvers.errors import SolverError
 from uplift.solvers.time_domain.initial import static_state
 

@@ -32,7 +32,7 @@ def variation(text: str) -> Variation:
     try:
         if ":" in spec:
             first, last, number = spec.split(":")
-            values = tuple(np.linspace(float(first), float(last), min(int(number), MANY + 1)).tolist())
+            values = tuple(np.linspace(float(first), float(last), min(int(number), MAX_CASES + 1)).tolist())
         else:
             values = tuple(float(part) for part in spec.split(","))
     except ValueError:
