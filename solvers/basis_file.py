@@ -26,7 +26,7 @@ from uplift.solvers.bases.estimator import Growth
 from uplift.solvers.bases.krylov import KrylovBasis
 from uplift.solvers.bases.settings import KrylovSettings
 from uplift.solvers.dense import solve_definite
-from uplift.solvers.hdf5_reading import READ_ERRORS, dataset, numbers
+from uplift.solvers.hdf5_reading import READ_ERRORS, dataset, numbers, see_sound
 from uplift.solvers.whole_file import MARGIN, whole_file
 
 log = logging.getLogger(__name__)
@@ -109,6 +109,7 @@ def read_basis(path: Path, operators: Operators) -> tuple[KrylovBasis, KrylovSet
     file = None
     if comm.rank == 0:
         try:
+            see_sound(path)
             file = h5py.File(path, "r")
             problem, about = _about(file, mark, sizes)
         except FileNotFoundError:

@@ -19,7 +19,7 @@ import numpy as np
 
 from uplift.meshes.checked import ModelError
 from uplift.meshes.findings import say
-from uplift.solvers.hdf5_reading import READ_ERRORS, numbers
+from uplift.solvers.hdf5_reading import READ_ERRORS, numbers, see_sound
 
 FORMAT = "uplift checkpoint 1"
 
@@ -257,6 +257,7 @@ def read_file(path: Path, identity: str, rows: str) -> dict[str, np.ndarray]:
     import h5py
 
     try:
+        see_sound(path)
         with h5py.File(path, "r") as file:
             facts = {key: str(value) for key, value in file.attrs.items()}
             if facts.get("format") != FORMAT:

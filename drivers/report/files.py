@@ -52,7 +52,7 @@ def write_run(
                 _draw(assembly, analysis, staging, mesh, displacement)
             results = collect(assembly, analysis, snapshot_data, _summary(assembly, analysis), scene_text)
             write_results(staging / RESULTS, results)
-            write_report(staging / REPORT, read_results(staging / RESULTS))
+            write_report(staging / REPORT, read_results(staging / RESULTS, own=True))
             if results.plate is not None:
                 write_fields(staging, results.plate)
                 if len(results.plate.rows):

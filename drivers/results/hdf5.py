@@ -24,7 +24,7 @@ import numpy as np
 from uplift.drivers.analysis.snapshots import SnapshotData
 from uplift.drivers.results.results import Results, Series
 from uplift.meshes.checked import ModelError
-from uplift.solvers.hdf5_reading import READ_ERRORS, dataset, numbers, size_of
+from uplift.solvers.hdf5_reading import READ_ERRORS, dataset, numbers, see_sound, size_of
 from uplift.solvers.memory import available_bytes
 from uplift.solvers.spectra import ResponseSpectrum
 from uplift.solvers.whole_file import MARGIN, whole_file
@@ -124,12 +124,14 @@ def find_results(path: Path) -> Path:
     return file
 
 
-def read_results(path: Path) -> Results:
-    """Read a results file, or the one in a folder of results. Raises `ModelError` if it is none."""
+def read_results(path: Path, *, own: bool = False) -> Results:
+    """Read a results file, or the one in a folder; `own`: this process has just written it. Raises `ModelError` if it is none."""
     import h5py
 
     file = find_results(path)
     try:
+        if not own:
+            see_sound(file)
         with h5py.File(file, "r") as opened:
             if opened.attrs.get("format") != FORMAT:
                 raise ModelError("", f"{file}: not a results file of this program")
