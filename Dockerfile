@@ -53,6 +53,10 @@ RUN set -e; \
     done; \
     python3 -m drivers verify --out /results/verify; \
     find /results -mindepth 1 -delete
+# Compiled forms are run: they belong to root, so that any user may trust them.
+USER root
+RUN chown -R root:root /opt/uplift-cache
+USER uplift
 
 # The default folder results/... lies below here: /results.
 WORKDIR /

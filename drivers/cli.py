@@ -47,6 +47,7 @@ def script() -> int:
 def main(arguments: list[str]) -> int:
     """Run one command; return the exit code: 0 done, 1 failed, 2 bad input, 130 interrupted, 143 terminated."""
     begin = time.perf_counter()
+    process.open_streams()
     options = parser().parse_args(arguments)
     process.configure_log(quiet=getattr(options, "quiet", False))
     if missing_evidence(options):

@@ -22,6 +22,7 @@ from uplift.drivers.petsc_installation import Scalars, installation
 from uplift.meshes.checked import ModelError
 from uplift.meshes.findings import Finding
 from uplift.meshes.findings import say as tell_finding
+from uplift.meshes.working_folder import start_petsc
 from uplift.solvers.errors import SolverError, Stopped
 
 BAD_INPUT, FAILED = 2, 1
@@ -182,8 +183,10 @@ def _temporary_folder() -> Iterator[None]:
 def parallel() -> Iterator[Any]:
     """Give the world communicator; an error that only some ranks meet ends all of them, with one message."""
     with _temporary_folder():
+        os.environ.setdefault("PATH", os.defpath)  # Open MPI looks for its own programs there
         from mpi4py import MPI
 
+        start_petsc()
         comm = MPI.COMM_WORLD
         try:
             yield comm
@@ -255,13 +258,23 @@ def form_compiler(comm: Any) -> Callable[[Any], Any]:
 
 
 def say(text: str) -> None:
-    """Print to standard output on rank 0; where nobody reads it any more, as behind `| head`, go on in silence."""
+    """Print to standard output on rank 0; where that cannot be, as behind `| head` or on a full disk, go on in silence."""
     if launch_rank() != 0:
         return
     try:
         print(text, flush=True)
-    except BrokenPipeError:
+    except OSError as error:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        if not isinstance(error, BrokenPipeError):
+            complain(f"the standard output cannot be written: {error.strerror}")
+
+
+def open_streams() -> None:
+    """Open the standard streams that whoever started the process has closed; a file of results would else take their numbers."""
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        if getattr(sys, name) is None:
+            handle = os.open(os.devnull, os.O_RDWR)
+            setattr(sys, name, open(handle, mode, encoding="utf-8"))
 
 
 def complain(text: str) -> None:

@@ -6,13 +6,18 @@ import dataclasses
 import math
 from typing import Any
 
+LONGEST_MESSAGE = 1000
+"""Characters of a message, whatever it quotes."""
+
 
 class ModelError(ValueError):
     """What a model asks for cannot be: `key` names the parameter, the message what was expected of it."""
 
     def __init__(self, key: str, message: str) -> None:
         """Keep the key apart from the message, so that a driver can put the file's name before both; names in it may hold line breaks."""
-        super().__init__(" ".join((f"{key}: {message}" if key else message).splitlines()))
+        text = " ".join((f"{key}: {message}" if key else message).splitlines())
+        text = "".join(c if c.isprintable() else repr(c)[1:-1] for c in text[: 2 * LONGEST_MESSAGE])
+        super().__init__(text if len(text) <= LONGEST_MESSAGE else f"{text[:LONGEST_MESSAGE]} ...")
         self.key = key
         self.message = message
 
@@ -75,7 +80,7 @@ class Checked:
             value = getattr(self, field.name)
             allowed = field.metadata.get("one_of")
             if allowed and value not in allowed:
-                raise ModelError(field.name, f"expected one of {', '.join(allowed)}, got {value!r}")
+                raise ModelError(field.name, f"expected one of {', '.join(filter(None, allowed))}, got {value!r:.60}")
             if isinstance(value, bool) or not isinstance(value, (int, float)):
                 continue
             if not _finite(value) or _outside(value, field.metadata):

@@ -14,6 +14,9 @@ from unittest.mock import patch
 import numpy as np
 
 from uplift.meshes.partition import keep_joints_whole, ranks_at_vertices
+from uplift.meshes.working_folder import ignore_option_files
+
+ignore_option_files()
 
 # The libraries below bring no types: these names say what an argument is to a reader.
 Mesh: TypeAlias = Any

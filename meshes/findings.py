@@ -36,24 +36,58 @@ class Kind:
     severity: str
     about: str
     """When it is said, for the guide."""
+    helps: str = ""
+    """What to do about it."""
 
 
 KINDS = {
-    "scene": Kind("doubt", "The scene may not mean what it says: no signal, nothing that presses on the supports."),
-    "signal": Kind("doubt", "A signal and the time step, the duration or the rows of its record do not fit."),
-    "overlap": Kind("doubt", "Plates or cells lie on each other; what two plates cover is there once, what two cells cover twice."),
-    "gap": Kind("doubt", "A free edge of the mesh lies close to a cell without being joined to it."),
-    "groups": Kind("note", "A group of the mesh file is not taken as it stands there."),
-    "mesh": Kind("doubt", "The mesh file holds what is left out, or a node that may lie far outside."),
-    "free": Kind("note", "A part of the mesh, or all of it, can move as a rigid body in a direction in which nothing holds it."),
-    "large displacements": Kind("grave", "Displacements or rotations are beyond those that the theory of small displacements describes."),
-    "unsettled": Kind("doubt", "The settling steps end away from the state of rest."),
-    "wrap-around": Kind("doubt", "The end of the periodic window acts on its beginning."),
-    "aliasing": Kind("doubt", "Energy of a load above half the sampling rate comes back at a lower frequency."),
-    "cutoff": Kind("doubt", "Energy of a load above the highest frequency that is solved is left out."),
-    "modes alone": Kind("doubt", "Contact forces from modes without static answers."),
+    "scene": Kind(
+        "doubt", "The scene may not mean what it says: no signal, nothing that presses on the supports.",
+        "another method, or the load that is missing"
+    ),
+    "signal": Kind(
+        "doubt", "A signal and the time step, the duration or the rows of its record do not fit.",
+        "a smaller step, a longer run, a step that divides the rows"
+    ),
+    "record": Kind(
+        "doubt", "The heading of a record names another unit than the scene, or one that the scene leaves open (a note says which is "
+        "taken); a record begins before time 0, ends with a jump, is zero or does not act within the run.",
+        "`unit`, `column`, another file or duration",
+    ),
+    "overlap": Kind(
+        "doubt", "Plates or cells lie on each other; what two plates cover is there once, what two cells cover twice.",
+        "see whether that is meant, or mend the mesh",
+    ),
+    "gap": Kind(
+        "doubt", "A free edge of the mesh lies close to a cell without being joined to it.", "give both the same nodes, or `[mesh] merge`"
+    ),
+    "groups": Kind("note", "A group of the mesh file is not taken as it stands there.", "another name in the mesher"),
+    "mesh": Kind("doubt", "The mesh file holds what is left out, or a node that may lie far outside.", "mend the mesh"),
+    "free": Kind(
+        "note", "A part of the mesh, or all of it, can move as a rigid body in a direction in which nothing holds it.",
+        "a spring, or no load that way",
+    ),
+    "large displacements": Kind(
+        "grave", "Displacements or rotations are beyond those that the theory of small displacements describes.",
+        "see what holds the plate; another theory",
+    ),
+    "unsettled": Kind("doubt", "The settling steps end away from the state of rest.", "more settling steps, or `start = 'static'`"),
+    "wrap-around": Kind("doubt", "The end of the periodic window acts on its beginning.", "a longer window, or the exact sweep"),
+    "aliasing": Kind("doubt", "Energy of a load above half the sampling rate comes back at a lower frequency.", "more samples"),
+    "cutoff": Kind("doubt", "Energy of a load above the highest frequency that is solved is left out.", "a higher cutoff"),
+    "modes alone": Kind("doubt", "Contact forces from modes without static answers.", "`static_correction = true`"),
+    "passes without end": Kind(
+        "grave", "The published passes diverge, or have not converged within their number; exit code 1.", "leave out `--iterations`"
+    ),
+    "tension left": Kind("doubt", "After the published passes that were asked for contacts still pull.", "leave out `--iterations`"),
+    "farthest at the end": Kind(
+        "doubt", "The largest displacement stands at the end of the run: the peak may lie beyond.", "a longer duration"
+    ),
+    "flight": Kind("doubt", "All contacts are open at once.", "see whether that is meant; sideways springs still hold the plate"),
+    "numerical energy": Kind("doubt", "The time scheme takes away or adds more than 2 % of the energy.", "a smaller step"),
+    "picture": Kind("note", "A picture could not be drawn; all other files are there."),
+    "checkpoint": Kind("note", "A checkpoint is missing, replaced or could not be written.", "`--resume`, or let it be replaced"),
     "error in time": Kind("doubt", "The time integration is off by more than two percent."),
-    "checkpoint": Kind("note", "A checkpoint is missing, replaced or could not be written."),
     "scalars": Kind("note", "Real numbers are computed as complex ones: the real build of PETSc is not there."),
     "failed case": Kind("doubt", "A case of a study or a comparison has no answer."),
 }
@@ -73,3 +107,9 @@ def say(key: str, text: str, *, severity: str | None = None) -> None:
 def tell(found: Finding) -> None:
     """Say a finding that is there already."""
     log.warning("%s", found, extra={"finding": found})
+
+
+def table() -> str:
+    """Return all findings as a table for the guide, in Markdown."""
+    rows = [f"| {key} | {kind.severity} | {kind.about} | {kind.helps} |" for key, kind in KINDS.items()]
+    return "\n".join(["| key | severity | it is said when | what helps |", "|---|---|---|---|", *rows])

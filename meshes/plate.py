@@ -29,8 +29,8 @@ class Plate(Checked):
 
     width: float = quantity("extent along X", "m", above=0.0, at_most=LARGEST)
     height: float = quantity("extent along Y", "m", above=0.0, at_most=LARGEST)
-    nx: int = quantity("cells along X", at_least=1)
-    ny: int = quantity("cells along Y", at_least=1)
+    nx: int = quantity("cells along X", at_least=1, at_most=1_000_000)
+    ny: int = quantity("cells along Y", at_least=1, at_most=1_000_000)
     cell: str = quantity("shape of the cells", default="quadrilateral", one_of=("quadrilateral", "triangle"))
     degree: int | None = quantity(
         "polynomial degree of the displacement; where it is not given, 1 for plane stress and what bending needs for plates and shells",

@@ -2,18 +2,16 @@
 
 The fingerprint covers what the space is made of: the values of stiffness, mass and damping, the contacts' forces and stiffnesses, and how
 the rows lie on the ranks. Load histories, amplitudes, gaps, preloads, probes and time schemes are not in it, so one file serves them all;
-loads of another shape in space are found out on reading, because their static answers are then not in the basis.
+loads of another shape in space are found out on reading, because their static answers are then not in the basis. A digest of the
+contents tells a damaged file.
 """
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import hashlib
 import json
 import logging
-import os
-import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -28,10 +26,12 @@ from uplift.solvers.bases.estimator import Growth
 from uplift.solvers.bases.krylov import KrylovBasis
 from uplift.solvers.bases.settings import KrylovSettings
 from uplift.solvers.dense import solve_definite
+from uplift.solvers.hdf5_reading import READ_ERRORS, dataset, numbers, see_sound
+from uplift.solvers.whole_file import MARGIN, whole_file
 
 log = logging.getLogger(__name__)
 
-FORMAT = "uplift basis 1"
+FORMAT = "uplift basis 2"
 
 OUTSIDE = 1e-6
 """Largest scaled residual of the static answer to a load that counts as held by the basis; round-off stays below 1e-9."""
@@ -57,48 +57,44 @@ def write_basis(path: Path, operators: Operators, basis: KrylovBasis, settings: 
     """Write a basis, whole or not at all (collective). Raises `ModelError` where the file cannot be written."""
     comm, mark = operators.comm, fingerprint(operators)
     sizes = comm.allgather(operators.n_local)
+    columns = (_gathered(basis.vectors[:, j], sizes, comm) for j in range(basis.size))
     problem: str | None = None
-    staging = None
-    file = None
     if comm.rank == 0:
         try:
             path.absolute().parent.mkdir(parents=True, exist_ok=True)
-            handle, name = tempfile.mkstemp(prefix=".writing-", dir=path.absolute().parent)
-            os.close(handle)
-            staging = Path(name)
-            file = h5py.File(staging, "w")
-            file.attrs["format"], file.attrs["fingerprint"] = FORMAT, mark
-            file.attrs["settings"] = json.dumps(dataclasses.asdict(settings))
-            file.attrs["growth"] = json.dumps(dataclasses.asdict(basis.growth))
-            assert basis.projected is not None
-            for key, matrix in dataclasses.asdict(basis.projected).items():
-                file[key] = matrix
-            file["rows"] = np.array(sizes)
-            file.create_dataset("vectors", (basis.size, sum(sizes)), dtype=float)
+            room = basis.vectors.itemsize * basis.size * (sum(sizes) + 3 * basis.size + len(sizes))
+            with whole_file(path, room + MARGIN) as staging, h5py.File(staging, "w") as file:
+                file.attrs["format"], file.attrs["fingerprint"] = FORMAT, mark
+                file.attrs["settings"] = json.dumps(dataclasses.asdict(settings))
+                file.attrs["growth"] = json.dumps(dataclasses.asdict(basis.growth))
+                assert basis.projected is not None
+                for key, matrix in dataclasses.asdict(basis.projected).items():
+                    file[key] = matrix
+                file["rows"] = np.array(sizes)
+                vectors = file.create_dataset("vectors", (basis.size, sum(sizes)), dtype=float)
+                contents = _digest_of(file)
+                for j, whole in enumerate(columns):
+                    assert whole is not None
+                    vectors[j] = whole
+                    contents.update(np.ascontiguousarray(whole).data)
+                file.attrs["contents"] = contents.hexdigest()
         except OSError as error:
             problem = _words(error)
-    for j in range(basis.size):
-        whole = _gathered(basis.vectors[:, j], sizes, comm)
-        if file is not None and problem is None:
-            try:
-                file["vectors"][j] = whole
-            except OSError as error:
-                problem = _words(error)
-    if file is not None and staging is not None:
-        try:
-            file.close()
-            if problem is None:
-                with staging.open("rb") as written:
-                    os.fsync(written.fileno())
-                staging.replace(path)
-        except (OSError, RuntimeError) as error:
-            problem = problem or _words(error)
-        finally:
-            with contextlib.suppress(OSError):
-                staging.unlink(missing_ok=True)
+    for _ in columns:  # the others wait in the gathering of those that rank 0 has not asked for
+        pass
     problem = comm.bcast(problem, root=0)
     if problem:
         raise ModelError("--basis-file", f"{path} cannot be written: {problem}")
+
+
+def _digest_of(file: Any) -> hashlib.blake2b:
+    """Return a digest of all that a file holds beside its vectors, to which these are added in their order."""
+    digest = hashlib.blake2b(digest_size=16)
+    for key in ("format", "fingerprint", "settings", "growth"):
+        digest.update(str(file.attrs[key]).encode())
+    for key in ("stiffness", "mass", "damping", "rows"):
+        digest.update(np.ascontiguousarray(file[key][...]).data)
+    return digest
 
 
 def read_basis(path: Path, operators: Operators) -> tuple[KrylovBasis, KrylovSettings]:
@@ -113,52 +109,63 @@ def read_basis(path: Path, operators: Operators) -> tuple[KrylovBasis, KrylovSet
     file = None
     if comm.rank == 0:
         try:
+            see_sound(path)
             file = h5py.File(path, "r")
             problem, about = _about(file, mark, sizes)
         except FileNotFoundError:
             problem = "there is no such file"
-        except (OSError, RuntimeError, KeyError, ValueError) as error:
-            problem = f"not a whole HDF5 file ({_words(error)})"
+        except READ_ERRORS as error:
+            problem = f"not a whole file of a basis ({_words(error)})"
     problem, about = comm.bcast((problem, about), root=0)
     vectors = np.empty((operators.n_local, about.get("size", 0)), order="F")
     if problem is None:
+        contents = _digest_of(file) if file is not None else hashlib.blake2b()
         for j in range(about["size"]):
             whole = None
-            if file is not None and problem is None:
+            if file is not None:
                 try:
-                    whole = np.asarray(file["vectors"][j])
-                except (OSError, RuntimeError) as error:
-                    problem, whole = f"not a whole HDF5 file ({_words(error)})", np.zeros(sum(sizes))
+                    whole = np.asarray(file["vectors"][j], dtype=float)
+                    contents.update(whole.data)
+                except READ_ERRORS as error:
+                    problem, whole = f"not a whole file of a basis ({_words(error)})", np.zeros(sum(sizes))
             vectors[:, j] = _scattered(whole, sizes, comm)
+        if file is not None and problem is None and contents.hexdigest() != file.attrs.get("contents"):
+            problem = "damaged: its contents are not what was written"
     if file is not None:
         file.close()
     problem = comm.bcast(problem, root=0)
     if problem:
         raise ModelError("--basis-file", f"{path}: {problem}")
-    settings = KrylovSettings(**about["settings"])
-    basis = KrylovBasis(vectors, comm, Projected(**about["projected"]), Growth(**about["growth"]))
-    outside = load_outside(operators, basis, settings)
+    basis = KrylovBasis(vectors, comm, about["projected"], about["growth"])
+    outside = load_outside(operators, basis, about["settings"])
     if outside is not None:
         words = f"made for other loads; the static answer to the load {outside!r} is not in the basis"
         raise ModelError("--basis-file", f"{path}: {words}")
     log.info("Krylov basis: %d vectors read from %s", basis.size, path)
-    return basis, settings
+    return basis, about["settings"]
 
 
 def _about(file: Any, mark: str, sizes: list[int]) -> tuple[str | None, dict[str, Any]]:
     """Return what is wrong with a file, or None, and what it says of its basis."""
     if file.attrs.get("format") != FORMAT:
         return f"not a file of a basis (format {file.attrs.get('format', 'unknown')!s:.40}; expected {FORMAT!r})", {}
-    rows = [int(n) for n in file["rows"][...]]
+    rows = [int(n) for n in numbers(file, "rows", "iu", ndim=1)]
     if sum(rows) != sum(sizes):
         return f"the basis of another model, with {sum(rows)} dofs instead of {sum(sizes)}", {}
     if rows != sizes:
         return f"made on {len(rows)} ranks, and its rows lie otherwise on the {len(sizes)} of this run", {}
     if file.attrs["fingerprint"] != mark:
         return "the basis of another model: stiffness, mass, damping or contacts differ", {}
-    projected = {key: np.asarray(file[key]) for key in ("stiffness", "mass", "damping")}
-    about = {"size": int(file["vectors"].shape[0]), "projected": projected}
-    return None, about | {key: json.loads(file.attrs[key]) for key in ("settings", "growth")}
+    size = int(dataset(file, "vectors", "f", ndim=2, columns=sum(sizes)).shape[0])
+    if size > sum(sizes):
+        raise ValueError("it has more vectors than the model has dofs")
+    projected = {key: numbers(file, key, "f", ndim=2, columns=size) for key in ("stiffness", "mass", "damping")}
+    if any(matrix.shape != (size, size) for matrix in projected.values()):
+        raise ValueError("its matrices are not square")
+    return None, {
+        "size": size, "projected": Projected(**projected), "settings": KrylovSettings(**json.loads(file.attrs["settings"])),
+        "growth": Growth(**json.loads(file.attrs["growth"])),
+    }
 
 
 def load_outside(operators: Operators, basis: Basis, settings: KrylovSettings) -> str | None:

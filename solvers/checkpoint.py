@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import io
 import os
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
@@ -18,6 +19,7 @@ import numpy as np
 
 from uplift.meshes.checked import ModelError
 from uplift.meshes.findings import say
+from uplift.solvers.hdf5_reading import READ_ERRORS, numbers, see_sound
 
 FORMAT = "uplift checkpoint 1"
 
@@ -111,12 +113,13 @@ class Checkpoint:
     def _prepare(self) -> None:
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
-            probe = self.folder / ".probe"
-            probe.write_bytes(b"")
-            probe.unlink()
+            if self.folder.is_symlink():
+                raise ModelError("--checkpoint", f"{self.folder} is a link; expected a folder, in which checkpoints are made and removed")
+            with tempfile.TemporaryFile(dir=self.folder):
+                pass
         except OSError as error:
             raise ModelError("--checkpoint", f"cannot write into {self.folder}: {error.strerror}") from None
-        there = sorted(self.folder.glob("*.h5"))
+        there = self._own()
         if self.resume and not there:
             say("checkpoint", f"no checkpoint in {self.folder}: the run begins at its beginning")
         if there and not self.resume:
@@ -153,7 +156,7 @@ class Checkpoint:
         try:
             if not self._written:
                 # The first of this run: from here on, nothing of an earlier one may be taken for its continuation.
-                for other in self.folder.glob("*.h5"):
+                for other in self._own():
                     if other != path:
                         other.unlink()
             write_file(path, arrays, self._identity, self.rows.digest)
@@ -182,10 +185,14 @@ class Checkpoint:
     def clear(self) -> None:
         """Remove the checkpoints of a run that has come to its end, on rank 0."""
         if self._comm.rank == 0:
-            for pattern in ("*.h5", "*.unfinished"):  # a kill may have left a file half written
-                for path in self.folder.glob(pattern):
+            for path in (*self._own(), *self.folder.glob("*.unfinished")):  # a kill may have left a file half written
+                if not path.is_symlink():
                     path.unlink()
         self.leave()
+
+    def _own(self) -> list[Path]:
+        """Return the checkpoints in the folder: files that say what they are, and no links."""
+        return [path for path in sorted(self.folder.glob("*.h5")) if _is_checkpoint(path)]
 
     def leave(self) -> None:
         """Remove the folder if it is empty, on rank 0."""
@@ -194,6 +201,18 @@ class Checkpoint:
 
     def _path(self, name: str) -> Path:
         return self.folder / f"{name}.h5"
+
+
+def _is_checkpoint(path: Path) -> bool:
+    import h5py
+
+    try:
+        if path.is_symlink():
+            return False
+        with h5py.File(path, "r") as file:
+            return bool(file.attrs.get("format") == FORMAT)
+    except READ_ERRORS:
+        return False
 
 
 def _digest(arrays: dict[str, np.ndarray]) -> str:
@@ -217,7 +236,8 @@ def write_file(path: Path, arrays: dict[str, np.ndarray], identity: str, rows: s
         file.attrs.update({"format": FORMAT, "run": identity, "rows": rows, "contents": _digest(arrays)})
     unfinished = path.with_suffix(".unfinished")
     try:
-        with unfinished.open("wb") as out:
+        unfinished.unlink(missing_ok=True)
+        with unfinished.open("xb") as out:  # a new file, never one behind a link
             out.write(image.getbuffer())
             out.flush()
             os.fsync(out.fileno())
@@ -237,13 +257,17 @@ def read_file(path: Path, identity: str, rows: str) -> dict[str, np.ndarray]:
     import h5py
 
     try:
+        see_sound(path)
         with h5py.File(path, "r") as file:
             facts = {key: str(value) for key, value in file.attrs.items()}
             if facts.get("format") != FORMAT:
                 raise ModelError(KEY, f"{path} is not a checkpoint of this program")
-            arrays = {name: dataset[()] for name, dataset in file.items()}
-    except (OSError, RuntimeError, KeyError) as error:
-        raise ModelError(KEY, f"{path} is truncated or no checkpoint at all ({str(error).splitlines()[0]:.80})") from None
+            arrays = {name: numbers(file, name, "fiucbSU") for name in file}
+    except READ_ERRORS as error:
+        if isinstance(error, ModelError):
+            raise
+        reason = (str(error).strip() or type(error).__name__).splitlines()[0]
+        raise ModelError(KEY, f"{path} is truncated or no checkpoint at all ({reason:.80})") from None
     if facts.get("run") != identity:
         raise ModelError(KEY, f"{path} is a checkpoint of another scene or another method")
     if facts.get("rows") != rows:

@@ -27,6 +27,28 @@ def mutated(data, rng):
     return data
 
 
+def damaged(data, rng):
+    """One to three mistakes in a binary file: bits changed, bytes cut out, doubled, zeroed or random, or its end missing."""
+    data = bytearray(data)
+    for _ in range(rng.choice([1, 1, 2, 3])):
+        way, length = rng.randrange(6), rng.randint(1, 64)
+        # Half of them near the beginning, where the structure of a file stands.
+        at = rng.randrange(min(len(data), rng.choice([4096, len(data)])) + 1)
+        if way == 0 and at < len(data):
+            data[at] ^= 1 << rng.randrange(8)
+        elif way == 1:
+            del data[at : at + length]
+        elif way == 2:
+            data[at:at] = data[at : at + length]
+        elif way == 3:
+            data[at : at + length] = bytes(len(data[at : at + length]))
+        elif way == 4:
+            data[at : at + length] = rng.randbytes(len(data[at : at + length]))
+        elif rng.random() < 0.3:
+            del data[at:]
+    return bytes(data)
+
+
 def _cut(data, rng):
     start = rng.randrange(len(data) + 1)
     return data[:start] + data[start + rng.randint(1, 40):]

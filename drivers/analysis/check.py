@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from uplift.drivers.analysis.memory import GIB, expected_bytes, expected_size
+from uplift.drivers.analysis.memory import GIB, check_memory, expected_bytes, expected_size
 from uplift.drivers.scene.analysis import METHODS
 from uplift.drivers.scene.cautions import scene_cautions
 from uplift.drivers.scene.refinement import kinematics_of
@@ -22,20 +22,28 @@ QUICK = 50_000
 """Expected dofs up to which a scene is meshed and assembled to be checked."""
 
 
-def check_scene(scene: Scene, comm: Any, *, mesh: bool) -> list[str]:
+def check_scene(scene: Scene, comm: Any, *, mesh: bool, method: str = "") -> list[str]:
     """Return lines on a scene that has been read; `mesh`: mesh and assemble it too, if that is quick (collective).
 
-    Raises `ModelError` for what only the mesh can tell: groups that it does not have, supports on no node, a plate off its supports.
+    Raises `ModelError` for what a run by `method`, or by the scene's own, would refuse; what only the mesh can tell are groups that
+    it does not have, supports on no node, a plate off its supports.
     """
-    size = expected_size(scene, is_complex=False)
+    method = method or scene.run.method
+    request = _request(scene, method)
+    request.check(scene)
+    check_memory(scene, request, comm, groups=None, limit=None)
+    size, plausible = expected_size(scene, is_complex=False), ""
     unrestrained: tuple[str, ...] = ()
     model, dofs, kind = scene.model, f"some {size.n}", _expected_kind(scene)
     if mesh and size.n <= QUICK:
         from uplift.drivers.analysis.assembled_scene import prepare
+        from uplift.drivers.analysis.plausibility import plausibility
 
         with prepare(scene, comm) as assembly:
             assembled = assembly.plate
             model, unrestrained = assembled.model, assembled.unrestrained
+            request.check_held(scene, unrestrained)
+            plausible = plausibility(assembly, rest_needed=request.needs_rest(scene))
             dofs = f"{assembly.operators.n} (meshed and assembled)"
             kind = f"{assembled.kind}, moves along {', '.join(assembled.components)}; {assembled.total_mass:,.1f} kg"
     elif mesh:
@@ -43,11 +51,17 @@ def check_scene(scene: Scene, comm: Any, *, mesh: bool) -> list[str]:
     lines = [
         f"title       {scene.title or '(none)'}", f"mesh        {_mesh_in_words(scene.plate)}",
         f"dofs        {dofs}", f"kinematics  {kind}", *_supports(model), *_loads(scene),
+        *[f"plausible   {plausible}"] * bool(plausible),
     ]
     lines += _methods(scene, unrestrained, comm.size)
     if unrestrained:
         lines.append(f"free        nothing holds the plate against {' and '.join(unrestrained)}")
     return [*lines, *(f"{found.severity:<11} {found.text}" for found in scene_cautions(scene))]
+
+
+def _request(scene: Scene, method: str) -> Request:
+    basis = scene.basis.tolerance if scene.basis is not None and method in IN_A_BASIS else None
+    return Request(method, (scene.run.iterations or None) if method == scene.run.method else None, basis=basis)
 
 
 def _mesh_in_words(mesh: MeshSource) -> str:
@@ -89,9 +103,7 @@ def _loads(scene: Scene) -> list[str]:
 def _methods(scene: Scene, unrestrained: tuple[str, ...], ranks: int) -> list[str]:
     lines = []
     for method in METHODS:
-        own = method == scene.run.method
-        basis = scene.basis.tolerance if scene.basis is not None and method in IN_A_BASIS else None
-        request = Request(method, (scene.run.iterations or None) if own else None, basis=basis)
+        own, request = method == scene.run.method, _request(scene, method)
         try:
             request.check(scene)
             request.check_held(scene, unrestrained)
@@ -100,6 +112,6 @@ def _methods(scene: Scene, unrestrained: tuple[str, ...], ranks: int) -> list[st
             continue
         usual = "; the scene's own" if own else ""
         need = expected_bytes(scene, request, ranks, None) / GIB
-        where = f"{request.scalars} PETSc{', in a basis' if basis else ''}"
+        where = f"{request.scalars} PETSc{', in a basis' if request.basis else ''}"
         lines.append(f"method      {method + ':':<16}yes, {where}, some {need:.2g} GiB{usual}")
     return lines

@@ -14,6 +14,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+from uplift.meshes.checked import ModelError
+
 log = logging.getLogger(__name__)
 
 LOCK = "uplift.lock"
@@ -29,11 +31,12 @@ def form_cache(comm: Any) -> Iterator[None]:
 
     FFCx by itself waits 10 s for a form that another process has begun and then gives up, for ever where that process was killed; and
     a library that was cut short, by a full disk say, ends the process that loads it with a bus error. Where the folder cannot be
-    written, or its file system knows no locks, it is used as it is.
+    written, or its file system knows no locks, it is used as it is. Raises `ModelError` if others can write it.
     """
     from uplift.meshes.compat import form_cache_folder
 
     folder = form_cache_folder()
+    see_trusted(folder)
     handle = _locked(folder) if comm.rank == 0 else None
     if handle is None:
         yield
@@ -46,6 +49,22 @@ def form_cache(comm: Any) -> Iterator[None]:
         os.ftruncate(handle, 0)
     finally:
         os.close(handle)
+
+
+def see_trusted(folder: Path) -> None:
+    """Raise `ModelError` unless the folder and its libraries, which are run, belong to this user or root and no other can write them."""
+    for path in (folder, *folder.glob("libffcx_*")):
+        try:
+            facts = path.stat()
+        except OSError:
+            continue
+        if facts.st_uid not in (os.geteuid(), 0):
+            who = f"belongs to the user {facts.st_uid}"
+        elif facts.st_mode & 0o002 or (facts.st_mode & 0o020 and facts.st_gid != os.getegid()):
+            who = "can be written by others"
+        else:
+            continue
+        raise ModelError("form cache", f"{path} {who}, and what lies there is run; remove it, or name another folder in XDG_CACHE_HOME")
 
 
 def _locked(folder: Path) -> int | None:

@@ -7,6 +7,7 @@ from typing import Any
 
 from uplift.drivers import process
 from uplift.drivers.commands.options import add_scene
+from uplift.drivers.scene.analysis import METHODS
 
 
 def add(commands: Any) -> None:
@@ -17,6 +18,7 @@ def add(commands: Any) -> None:
                     "doubtful about it. Exit code 2 and one line if it cannot be run.",
     )
     add_scene(parser)
+    parser.add_argument("--method", choices=METHODS, help="as for run; default: what the scene says, else transient")
     parser.add_argument("--no-mesh", action="store_true", help="neither mesh nor assemble; otherwise done where it is quick")
     parser.set_defaults(command=command, quiet=True)
 
@@ -30,5 +32,5 @@ def command(options: argparse.Namespace, begin: float) -> int:
     with process.parallel() as comm:
         from uplift.drivers.analysis.check import check_scene
 
-        process.say("\n".join(check_scene(scene, comm, mesh=not options.no_mesh)))
+        process.say("\n".join(check_scene(scene, comm, mesh=not options.no_mesh, method=options.method or "")))
     return 0

@@ -18,8 +18,8 @@ def pass_count(text: str) -> int:
         number = int(text)
     except ValueError:
         number = 0
-    if number < 1:
-        raise argparse.ArgumentTypeError(f"expected a whole number >= 1 or 'exact', got {text!r}")
+    if not 1 <= number <= 1_000_000:
+        raise argparse.ArgumentTypeError(f"expected a whole number from 1 to 1e6 or 'exact', got {text!r:.60}")
     return number
 
 

@@ -28,15 +28,16 @@ def command(options: argparse.Namespace, begin: float) -> int:
     """Run the command; return the exit code."""
     from uplift.drivers.report.page import NAME, write_report
     from uplift.drivers.results.folder import all_or_nothing, replaceable_file
-    from uplift.drivers.results.hdf5 import find_results, read_results
+    from uplift.drivers.results.hdf5 import damage_named, find_results, read_results
 
     results = read_results(options.results)
     if options.damping:
-        results = results.with_spectra(tuple(options.damping))
+        with damage_named(options.results):
+            results = results.with_spectra(tuple(options.damping))
     usual = find_results(options.results).with_name(NAME)
     out = options.out or usual
     replaceable_file(out, overwrite=options.overwrite or out.absolute() == usual.absolute())
-    with all_or_nothing(out.absolute().parent) as staging:
+    with all_or_nothing(out.absolute().parent) as staging, damage_named(options.results):
         write_report(staging / out.name, results)
     process.say(str(out))
     return 0

@@ -50,6 +50,7 @@ def add(commands: Any) -> None:
     parser.add_argument("--memory", type=gibibytes, metavar="GiB",
                      help="memory that the run may take on each machine (default: what is available); one that will need more is refused")
     parser.add_argument("--overwrite", action="store_true", help="write over the results that the folder holds")
+    parser.add_argument("--strict", action="store_true", help="exit code 1 where a finding is grave; the files are written all the same")
     parser.add_argument("--no-plots", action="store_true", help="draw no pictures")
     parser.add_argument("--quiet", action="store_true", help="print errors only")
     parser.set_defaults(command=command)
@@ -87,7 +88,8 @@ def command(options: argparse.Namespace, begin: float) -> int:
         with prepare(scene, comm) as assembly:
             assembly.clock.add("start-up", start_up)
             if request.method == "harmonic":
-                return _respond(assembly, out, options)
+                _respond(assembly, out, options)
+                return _strict_code(options, comm)
             with watched(
                 assembly, run, out / "checkpoint", signals, seconds=options.checkpoint, resume=options.resume, quiet=options.quiet
             ) as watch:
@@ -103,7 +105,16 @@ def command(options: argparse.Namespace, begin: float) -> int:
             if analysis.failed:
                 process.complain(_failure(analysis.passes, options.scene))
                 return process.FAILED
-    return 0
+            return _strict_code(options, comm)
+
+
+def _strict_code(options: argparse.Namespace, comm: Any) -> int:
+    """Return the exit code that the findings ask for with --strict, and say why (collective)."""
+    grave = comm.bcast([found.text for found in process.heard_findings() if found.severity == "grave"])
+    if not (options.strict and grave):
+        return 0
+    process.complain(f"{options.scene}: {len(grave)} grave finding{'s' * (len(grave) > 1)}, and --strict is given: {grave[0]}")
+    return process.FAILED
 
 
 def _request(options: argparse.Namespace, scene: Scene) -> Request:
@@ -122,13 +133,12 @@ def _request(options: argparse.Namespace, scene: Scene) -> Request:
     return request
 
 
-def _respond(assembly: AssembledScene, out: Path, options: argparse.Namespace) -> int:
+def _respond(assembly: AssembledScene, out: Path, options: argparse.Namespace) -> None:
     from uplift.drivers.studies.harmonic_files import respond
 
     lines = respond(assembly, out, plots=not options.no_plots)
     if not options.quiet:
         process.say("\n".join([*lines, f"seconds: {assembly.clock.line()}", f"files in {out}"]))
-    return 0
 
 
 def _failure(passes: Passes, scene: Path) -> str:

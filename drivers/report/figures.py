@@ -20,9 +20,12 @@ def new_figure(width: float, height: float, layout: str | None = "constrained") 
         atexit.register(shutil.rmtree, copy, ignore_errors=True)
         shutil.copytree(folder, copy, dirs_exist_ok=True)
         os.environ["MPLCONFIGDIR"] = copy
+    import matplotlib
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
+    matplotlib.rcdefaults()  # whatever a file matplotlibrc in the current folder says
+    matplotlib.rcParams["text.parse_math"] = False  # a name may hold dollar signs
     figure = Figure(figsize=(width, height), layout=layout)
     FigureCanvasAgg(figure)
     return figure

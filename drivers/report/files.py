@@ -10,11 +10,13 @@ from typing import Any
 
 import numpy as np
 
+from uplift.drivers.analysis.answer_findings import say_findings
 from uplift.drivers.analysis.assembled_scene import Analysis, AssembledScene, ContactEvents
 from uplift.drivers.analysis.snapshots import Snapshots
 from uplift.drivers.process import heard_findings
 from uplift.drivers.report.page import NAME as REPORT
 from uplift.drivers.report.page import write_report
+from uplift.drivers.report.pictures import draw
 from uplift.drivers.results.collect import collect
 from uplift.drivers.results.folder import all_or_nothing, processor, versions, write_history, write_summary
 from uplift.drivers.results.hdf5 import NAME as RESULTS
@@ -39,6 +41,7 @@ def write_run(
     displacement = snapshot_data.peak[0] if snapshot_data is not None and len(snapshot_data.peak) else None
     if assembly.operators.comm.rank != 0:
         return
+    say_findings(assembly, analysis)
     with all_or_nothing(folder) as staging:
         with assembly.clock.phase("output"):
             for name, columns in tables(assembly, analysis).items():
@@ -49,7 +52,7 @@ def write_run(
                 _draw(assembly, analysis, staging, mesh, displacement)
             results = collect(assembly, analysis, snapshot_data, _summary(assembly, analysis), scene_text)
             write_results(staging / RESULTS, results)
-            write_report(staging / REPORT, read_results(staging / RESULTS))
+            write_report(staging / REPORT, read_results(staging / RESULTS, own=True))
             if results.plate is not None:
                 write_fields(staging, results.plate)
                 if len(results.plate.rows):
@@ -127,28 +130,29 @@ def _draw(assembly: AssembledScene, analysis: Analysis, folder: Path, mesh: Whol
     title = f"{assembly.scene.title or 'Uplift'}\n{analysis.method}, {how}"
     first = passes.histories[0].probes if passes.number > 1 else None
     if in_time:
-        history_plots.draw_history(folder / "history.png", history.times, assembly.operators.probes.names, history.probes, first, title)
+        names = assembly.operators.probes.names
+        draw(history_plots.draw_history, folder / "history.png", history.times, names, history.probes, first, title)
     contacts = assembly.operators.contacts
     if "contacts" in recorded:
         n = len(contacts.names)
         columns = list(recorded["contacts"].values())
         force, gap = np.stack(columns[:n]), np.stack(columns[n:])
         if in_time:
-            history_plots.draw_contacts(folder / "contacts.png", history.times, contacts.names, force, gap, title)
+            draw(history_plots.draw_contacts, folder / "contacts.png", history.times, contacts.names, force, gap, title)
         if np.sum(np.ptp(contacts.points, axis=0) > 0) == 2:
             row = int(np.argmax(gap.max(axis=0)))
-            plate_plots.draw_bed(folder / "bed.png", contacts.points, force, gap, row, f"{title}, t = {history.times[row]:g} s")
+            draw(plate_plots.draw_bed, folder / "bed.png", contacts.points, force, gap, row, f"{title}, t = {history.times[row]:g} s")
     for name, drawn in (("reactions", history_plots.draw_reactions), ("energy", history_plots.draw_energy)):
         if name in recorded and in_time:
-            drawn(folder / f"{name}.png", history.times, recorded[name], title)
+            draw(drawn, folder / f"{name}.png", history.times, recorded[name], title)
     if analysis.lifted is not None and np.sum(np.isfinite(analysis.lifted)) > FEW_INSTANTS:
-        history_plots.draw_uplift(folder / "uplift.png", history.times, analysis.lifted, title)
+        draw(history_plots.draw_uplift, folder / "uplift.png", history.times, analysis.lifted, title)
     if mesh is not None and displacement is not None:
         lifted = history.openings(contacts.law)[history.peak] > 0
         if not analysis.exact:
             lifted = contacts.law.tension(history.elongation[history.peak])[: len(contacts.names)] > 0
         when = f"{title}, t = {history.times[history.peak]:g} s"
-        plate_plots.draw_deformed(folder / "deformed.png", mesh, displacement, contacts.points, lifted, when)
+        draw(plate_plots.draw_deformed, folder / "deformed.png", mesh, displacement, contacts.points, lifted, when)
 
 
 def _summary(assembly: AssembledScene, analysis: Analysis) -> dict[str, Any]:

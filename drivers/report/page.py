@@ -75,7 +75,7 @@ def _warnings(results: Results) -> str:
     words = findings(results)
     if not words:
         return '<p class="calm" id="warnings">No warnings.</p>'
-    items = "".join(f"<li>{escape(text)}</li>" for text in words)
+    items = "".join(f"<li><b>{escape(severity.capitalize())}.</b> {escape(text)}</li>" for severity, text in words)
     return f'<div class="warnings" id="warnings"><h2>To be known before these results are used</h2><ul>{items}</ul></div>'
 
 

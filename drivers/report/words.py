@@ -135,41 +135,9 @@ def key_values(results: Results) -> list[KeyValue]:
     return shown
 
 
-def findings(results: Results) -> list[str]:
-    """Return in plain words what a reader of the results must know: the findings of the run and what the histories show."""
-    facts, times = results.facts, results.times
-    words = [_sentence(finding["text"]) for finding in facts.get("findings", [])]
-    ended, norms = facts.get("iteration_ended"), facts.get("iteration_norms", {})
-    if ended == "diverged":
-        words.append("The published passes diverge: this is the last finite pass, not an answer. Solve uplift exactly instead.")
-    elif ended == "not converged":
-        words.append("The published passes have not converged: this is the last of them, not an answer. Solve uplift exactly instead.")
-    pull = norms.get("tension_left") or [0.0]
-    if facts.get("uplift") != "exact" and not ended and pull[-1] > 1e-3:
-        words.append(
-            f"Uplift is by {facts.get('iterations')} published pass(es), for comparison with their source: contacts still pull with "
-            f"{100 * pull[-1]:.2g} % of the largest compression. Without --iterations uplift is solved exactly."
-        )
-    displacement = results.series.get("probes/displacement")
-    if displacement is not None and len(times) > 20:
-        size = np.max(np.abs(displacement.values), axis=1)
-        if np.argmax(size) >= 0.98 * (len(size) - 1) and size[-1] > 0:
-            words.append("A probe is farthest from zero at the end of the run: the motion may grow beyond it. Take a longer duration.")
-    gap = results.series.get("contacts/gap")
-    if gap is not None and facts.get("uplift") == "exact":
-        flying = np.flatnonzero(np.all(gap.values > 0, axis=1))
-        if flying.size:
-            words.append(f"All contacts are open at once at {flying.size} archived instant(s), first at t = {times[flying[0]]:.6g} s.")
-    ledger = results.series.get("energy/ledger")
-    if ledger is not None and ended != "diverged":
-        columns = dict(zip(ledger.names, ledger.values.T, strict=True))
-        turned = max(float(np.max(np.abs(columns["work of loads"]))), float(np.max(columns["kinetic"])))
-        lost = float(np.max(np.abs(columns["numerical"])))
-        if lost > 0.02 * turned > 0:
-            words.append(
-                f"The time integration itself takes away or adds up to {100 * lost / turned:.2g} % of the energy: try a smaller time step."
-            )
-    return words
+def findings(results: Results) -> list[tuple[str, str]]:
+    """Return severity and text, as a sentence, of what a reader of the results must know."""
+    return [(str(found["severity"]), _sentence(str(found["text"]))) for found in results.facts.get("findings", [])]
 
 
 def _sentence(text: str) -> str:

@@ -8,7 +8,7 @@ import json
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -33,13 +33,17 @@ SUMMARY = "summary.json"
 """What every folder of results holds."""
 
 
+WRITTEN = (".csv", ".h5", ".html", ".json", ".med", ".png", ".vtu", ".xdmf")
+"""Suffixes of the files that commands write."""
+
+
 @contextmanager
 def claimed_folder(path: Path, *, overwrite: bool, mark: str = SUMMARY, held: str = "the results of a run") -> Iterator[None]:
     """Make the folder and keep other runs out of it until the block ends; on rank 0 alone, the others pass.
 
     The lock is on the folder itself and leaves nothing behind; a file system that knows no locks goes without. Raises `ModelError` if
-    the folder cannot be written, if a run is writing into it, or if it holds the file `mark`, which says that `held` is there, and that
-    is not to be overwritten.
+    the folder cannot be written, if a run is writing into it, if a folder in it bears the name of a file, or if it holds the file
+    `mark`, which says that `held` is there, and that is not to be overwritten.
     """
     if launch_rank() != 0:
         yield
@@ -55,6 +59,7 @@ def claimed_folder(path: Path, *, overwrite: bool, mark: str = SUMMARY, held: st
             pass
         if (path / mark).exists() and not overwrite:
             raise ModelError("--out", f"{path} holds {held}; name another folder, or add --overwrite")
+        refuse_folders(path, [entry.name for entry in path.iterdir() if entry.suffix in WRITTEN])
         yield
     finally:
         os.close(handle)
@@ -62,14 +67,40 @@ def claimed_folder(path: Path, *, overwrite: bool, mark: str = SUMMARY, held: st
 
 @contextmanager
 def all_or_nothing(folder: Path) -> Iterator[Path]:
-    """Give a hidden folder to write into; its files move into `folder` together when the block ends without an error."""
+    """Give a hidden folder to write into; its files move into `folder` together when the block ends without an error.
+
+    Where one of them cannot, as where a folder bears its name, those that did go back and the older ones stay. Raises `ModelError` then.
+    """
     staging = Path(tempfile.mkdtemp(prefix=".writing-", dir=folder))
     try:
         yield staging
-        for path in sorted(staging.iterdir()):
-            path.replace(folder / path.name)
+        _move_together(sorted(staging.iterdir()), folder, Path(tempfile.mkdtemp(prefix="before-", dir=staging)))
     finally:
         shutil.rmtree(staging, ignore_errors=True)
+
+
+def _move_together(files: list[Path], folder: Path, before: Path) -> None:
+    """Move files into a folder, what they replace into the folder `before`; undo all of it where one of them cannot be moved."""
+    refuse_folders(folder, [path.name for path in files])
+    moves: list[tuple[Path, Path]] = []
+    try:
+        for path in files:
+            target = folder / path.name
+            for here, there in ((target, before / path.name), (path, target)):
+                if os.path.lexists(here):
+                    here.replace(there)
+                    moves.append((here, there))
+    except OSError as error:
+        for here, there in reversed(moves):
+            there.replace(here)
+        raise ModelError("--out", f"cannot write into {folder}: {error.strerror}; the files that were there are as before") from None
+
+
+def refuse_folders(folder: Path, names: Iterable[str]) -> None:
+    """Raise `ModelError` where a folder bears the name of a file that is to be written."""
+    for name in names:
+        if (folder / name).is_dir():
+            raise ModelError("--out", f"{folder / name} is a folder, where a file of the results is to be; move it away")
 
 
 def replaceable_file(path: Path, *, overwrite: bool) -> None:

@@ -14,6 +14,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +24,10 @@ import numpy as np
 from uplift.drivers.analysis.snapshots import SnapshotData
 from uplift.drivers.results.results import Results, Series
 from uplift.meshes.checked import ModelError
+from uplift.solvers.hdf5_reading import READ_ERRORS, dataset, numbers, see_sound, size_of
+from uplift.solvers.memory import available_bytes
 from uplift.solvers.spectra import ResponseSpectrum
+from uplift.solvers.whole_file import MARGIN, whole_file
 
 FORMAT, VERSION = "uplift results", 1
 
@@ -34,14 +39,17 @@ METRES = {"unit": "m"}
 
 
 def write_results(path: Path, results: Results) -> None:
-    """Write the results file."""
+    """Write the results file, whole or not at all. Raises `OSError` where there is no room for it."""
     import h5py
 
-    with h5py.File(path, "w") as file:
+    facts = json.dumps(results.facts, ensure_ascii=False, default=str)
+    room = _bytes_of(results) + 4 * (len(facts) + len(results.scene_text)) + MARGIN
+    # From 1.8 on the format holds attributes of any size: the names of some thousand contacts are more than 64 kB.
+    with whole_file(path, room) as staging, h5py.File(staging, "w", libver=("v108", "v108")) as file:
         file.attrs.update({"format": FORMAT, "version": VERSION, "name": results.name, "units": "SI"})
         text = h5py.string_dtype("utf-8")
         file.create_dataset("scene", data=results.scene_text, dtype=text)
-        file.create_dataset("facts", data=json.dumps(results.facts, ensure_ascii=False, default=str), dtype=text)
+        file.create_dataset("facts", data=facts, dtype=text)
         _write(file, "times", results.times, unit="s", about="Archived instants")
         for key, series in results.series.items():
             _write(file, key, series.values, unit=series.unit, about=series.about, names=list(series.names))
@@ -52,6 +60,23 @@ def write_results(path: Path, results: Results) -> None:
             _write_plate(file, results.plate, results.times)
         if results.spectra is not None:
             _write_spectra(file, results.spectra, results.spectra_names)
+
+
+PER_DATASET = 2**11
+"""Bytes of a data set beside its numbers: header, attributes, chunks that are not full."""
+
+
+def _bytes_of(results: Results) -> int:
+    """Return what the numbers and names of the results take in a file at most."""
+    plate, spectra = results.plate, results.spectra
+    arrays: list[Any] = [results.times, *results.points.values(), *(series.values for series in results.series.values())]
+    if plate is not None:
+        arrays += [plate.points, plate.cells, plate.peak, plate.envelope, *plate.snapshots]
+        arrays += [plate.amplitude, plate.amplitude] * (plate.amplitude is not None)
+    if spectra is not None:
+        arrays += [spectra.frequencies, spectra.damping, spectra.acceleration, spectra.displacement, spectra.floor]
+    names = sum(len(name.encode()) + 32 for series in results.series.values() for name in series.names)
+    return names + sum(np.asarray(array).nbytes + PER_DATASET for array in arrays)
 
 
 def _write(file: Any, key: str, values: np.ndarray, **attributes: Any) -> None:
@@ -99,76 +124,146 @@ def find_results(path: Path) -> Path:
     return file
 
 
-def read_results(path: Path) -> Results:
-    """Read a results file, or the one in a folder of results. Raises `ModelError` if it is none."""
+def read_results(path: Path, *, own: bool = False) -> Results:
+    """Read a results file, or the one in a folder; `own`: this process has just written it. Raises `ModelError` if it is none."""
     import h5py
 
     file = find_results(path)
     try:
+        if not own:
+            see_sound(file)
         with h5py.File(file, "r") as opened:
             if opened.attrs.get("format") != FORMAT:
                 raise ModelError("", f"{file}: not a results file of this program")
             if opened.attrs["version"] != VERSION:
-                raise ModelError("", f"{file}: written in version {opened.attrs['version']} of the format, this program reads {VERSION}")
+                words = f"written in version {opened.attrs['version']!s:.20} of the format, this program reads {VERSION}"
+                raise ModelError("", f"{file}: {words}")
             return _read(opened)
-    except (OSError, KeyError, ValueError, TypeError) as error:
+    except READ_ERRORS as error:
         if isinstance(error, ModelError):
             raise
-        raise ModelError("", f"{file}: not a results file, or a damaged one ({str(error).splitlines()[0]:.80})") from None
+        reason = (str(error).strip() or type(error).__name__).splitlines()[0]
+        raise ModelError("", f"{file}: not a results file, or a damaged one ({reason:.80})") from None
+
+
+@contextmanager
+def damage_named(path: Path) -> Iterator[None]:
+    """Turn what goes wrong in the block with results that were read into a `ModelError` on their file."""
+    try:
+        yield
+    except READ_ERRORS as error:
+        if isinstance(error, (ModelError, OSError)):
+            raise
+        reason = (str(error).strip() or type(error).__name__).splitlines()[0]
+        raise ModelError("", f"{path}: its contents do not fit together: a damaged results file ({reason:.80})") from error
 
 
 def _read(file: Any) -> Results:
+    import h5py
+
+    if any(not isinstance(file.get(name, getlink=True), h5py.HardLink) for name in file):
+        raise ValueError("it holds links")
+    total = _total_bytes(file)
+    if total > LARGEST_SHARE * available_bytes():
+        raise ValueError(f"it would take {total / 2**30:.2g} GiB of memory")
+    times = numbers(file, "times", "f", ndim=1)
+    if not len(times) or not np.all(np.isfinite(times)) or np.any(np.diff(times) <= 0):
+        raise ValueError("its instants do not increase")
     series: dict[str, Series] = {}
-
-    def visit(key: str, item: Any) -> None:
-        if hasattr(item, "shape"):
-            attributes = item.attrs
-            series[key] = Series(_names(item), str(attributes["unit"]), item[()], str(attributes.get("about", "")))
-
     for group in HISTORIES:
-        if group in file:
-            file[group].visititems(lambda key, item, group=group: visit(f"{group}/{key}", item))
-    times = file["times"][()]
-    for key, one in series.items():
-        if one.values.shape != (len(times), len(one.names)):
-            raise ValueError(f"{key} has {one.values.shape} values for {len(times)} instants and {len(one.names)} names")
-    spectra = names = None
-    if "spectra" in file:
-        part = file["spectra"]
-        spectra = ResponseSpectrum(*(part[key][()] for key in ("frequencies", "damping", "acceleration", "displacement", "floor")))
-        names = _names(part["acceleration"])
+        for key in _paths(file, group):
+            item = dataset(file, key, "f", ndim=2)
+            names, about = _names(item), str(item.attrs.get("about", ""))
+            if item.shape != (len(times), len(names)):
+                raise ValueError(f"{key} has {item.shape} values for {len(times)} instants and {len(names)} names")
+            series[key] = Series(names, str(item.attrs["unit"]), item[()], about)
+    spectra, names = _read_spectra(file) if "spectra" in file else (None, ())
+    facts = json.loads(_text(file, "facts"))
+    if not isinstance(facts, dict):
+        raise ValueError("its facts are none")
+    probes = _names(dataset(file, "points/probes", ndim=2, columns=3))
     return Results(
-        facts=json.loads(file["facts"].asstr()[()]),
-        scene_text=file["scene"].asstr()[()],
+        facts=facts,
+        scene_text=_text(file, "scene"),
         times=times,
         series=series,
-        points={key: item[()] for key, item in file["points"].items()},
-        probe_names=_names(file["points/probes"]),
-        plate=_read_plate(file) if "mesh" in file else None,
+        points={key.removeprefix("points/"): numbers(file, key, ndim=2, columns=3) for key in _paths(file, "points")},
+        probe_names=probes,
+        plate=_read_plate(file, len(times)) if "mesh" in file else None,
         spectra=spectra,
-        spectra_names=names or (),
+        spectra_names=names,
     )
+
+
+LARGEST_SHARE = 0.5
+"""Of the memory that is available, for the numbers of a results file: a page is made beside them."""
+
+
+def _paths(file: Any, group: str) -> list[str]:
+    """Return the paths of the data sets of a group, at any depth; none where there is no such group."""
+    found: list[str] = []
+    if group in file:
+        file[group].visititems(lambda key, item: found.append(f"{group}/{key}") if hasattr(item, "shape") else None)
+    return found
+
+
+def _total_bytes(file: Any) -> int:
+    total = 0
+
+    def add(key: str, item: Any) -> None:
+        nonlocal total
+        total += size_of(item) if hasattr(item, "shape") else 0
+
+    file.visititems(add)
+    return total
+
+
+def _text(file: Any, key: str) -> str:
+    return str(dataset(file, key, "O", ndim=0).asstr()[()])
 
 
 def _names(item: Any) -> tuple[str, ...]:
     return tuple(str(name) for name in item.attrs["names"])
 
 
-def _read_plate(file: Any) -> SnapshotData:
-    mesh, points = file["mesh"], file["mesh/points"][()]
-    frames = [file["film"][key] for key in sorted(file["film"])] if "film" in file else []
+def _read_spectra(file: Any) -> tuple[ResponseSpectrum, tuple[str, ...]]:
+    frequencies, damping = (numbers(file, f"spectra/{key}", "f", ndim=1) for key in ("frequencies", "damping"))
+    names = _names(dataset(file, "spectra/acceleration", "f", ndim=3))
+    shape = (len(damping), len(frequencies), len(names))
+    acceleration, displacement = (numbers(file, f"spectra/{key}", "f") for key in ("acceleration", "displacement"))
+    floor = numbers(file, "spectra/floor", "f", ndim=1, columns=len(names))
+    if acceleration.shape != shape or displacement.shape != shape:
+        raise ValueError(f"its spectra have the shape {acceleration.shape}, not {shape}")
+    return ResponseSpectrum(frequencies, damping, acceleration, displacement, floor), names
+
+
+def _read_plate(file: Any, instants: int) -> SnapshotData:
+    points, cells = numbers(file, "mesh/points", "f", ndim=2, columns=3), numbers(file, "mesh/cells", "iu", ndim=2)
+    n = len(points)
+    if cells.size and not 0 <= int(cells.min()) <= int(cells.max()) < n:
+        raise ValueError("its cells have nodes that are not there")
+    frames = [dataset(file, key, "f", ndim=2, columns=3) for key in sorted(_paths(file, "film"))]
+    rows = np.array([int(frame.attrs["row"]) for frame in frames], dtype=int)
+    fields = [numbers(file, f"mesh/{key}", "f", ndim=3, columns=3) for key in ("peak", "envelope")]
+    if any(frame.shape[0] != n for frame in frames) or any(field.shape[1] != n for field in fields if len(field)):
+        raise ValueError(f"its displacements are not those of {n} nodes")
+    if np.any((rows < 0) | (rows >= instants)):
+        raise ValueError("its film has instants that are not there")
     amplitude = None
     if "amplitude" in file:
-        amplitude = file["amplitude/modulus"][()] * np.exp(1j * file["amplitude/phase"][()])
+        modulus, phase = (numbers(file, f"amplitude/{key}", "f", ndim=2, columns=3) for key in ("modulus", "phase"))
+        if modulus.shape != (n, 3) or phase.shape != (n, 3):
+            raise ValueError(f"its amplitudes are not those of {n} nodes")
+        amplitude = modulus * np.exp(1j * phase)
     return SnapshotData(
         points=points,
-        cells=mesh["cells"][()],
-        cell_type=str(mesh["cells"].attrs["cell_type"]),
-        peak=mesh["peak"][()],
-        rows=np.array([frame.attrs["row"] for frame in frames], dtype=int),
-        snapshots=np.stack([frame[()] for frame in frames]) if frames else np.zeros((0, len(points), 3), dtype=np.float32),
-        envelope=mesh["envelope"][()],
-        watched=int(mesh["envelope"].attrs["instants"]),
-        frequency=float(file["amplitude/modulus"].attrs["frequency"]) if "amplitude" in file else 0.0,
+        cells=cells,
+        cell_type=str(file["mesh/cells"].attrs["cell_type"]),
+        peak=fields[0],
+        rows=rows,
+        snapshots=np.stack([frame[()] for frame in frames]) if frames else np.zeros((0, n, 3), dtype=np.float32),
+        envelope=fields[1],
+        watched=int(file["mesh/envelope"].attrs["instants"]),
+        frequency=float(file["amplitude/modulus"].attrs["frequency"]) if amplitude is not None else 0.0,
         amplitude=amplitude,
     )

@@ -9,6 +9,7 @@ import numpy as np
 
 from uplift.drivers.analysis.snapshots import SnapshotData
 from uplift.drivers.results.hdf5 import NAME, frame_name
+from uplift.solvers.whole_file import MARGIN, reserve
 
 XDMF_CELLS = {"triangle": "Triangle", "triangle6": "Triangle_6", "quad": "Quadrilateral", "quad9": "Quadrilateral_9"}
 
@@ -59,6 +60,9 @@ def write_fields(folder: Path, plate: SnapshotData) -> None:
     if fields:
         meshio.Mesh(plate.points, cells, point_data=fields).write(folder / "deformed.vtu")
         med_points, med_cells, kept = _med_mesh(plate)
+        # meshio writes MED by HDF5, which must not find out that the disk is full.
+        arrays = [med_points, *(numbers for _, numbers in med_cells), *fields.values()]
+        reserve(folder / "deformed.med", MARGIN + 2 * sum(np.asarray(array).nbytes for array in arrays))
         short = {name.removesuffix(" [m]"): np.ascontiguousarray(values[kept]) for name, values in fields.items()}
         meshio.Mesh(med_points, med_cells, point_data=short).write(folder / "deformed.med")
     if plate.amplitude is not None:

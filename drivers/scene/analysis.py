@@ -18,7 +18,7 @@ class Settling(Checked):
     """Over-damped steps before time 0 that bring the model to rest under its static loads."""
 
     step: float = quantity("length of a step", "s", default=1.0, above=0.0)
-    steps: int = quantity("number of steps", default=10, at_least=1)
+    steps: int = quantity("number of steps", default=10, at_least=1, at_most=1_000_000)
     beta: float = quantity("Newmark's beta", default=1.0)
     gamma: float = quantity("Newmark's gamma", default=1.5)
 
@@ -33,7 +33,7 @@ class Transient(Checked):
 
     step: float = quantity("time step", "s", above=0.0)
     duration: float = quantity("end of the analysis", "s", above=0.0)
-    every: int = quantity("archive every so many steps", default=1, at_least=1)
+    every: int = quantity("archive every so many steps", default=1, at_least=1, at_most=10_000_000)
     method: str = quantity(
         "time integration", default="newmark", one_of=("newmark", "hht", "generalised-alpha")
     )
@@ -82,7 +82,7 @@ class Transient(Checked):
 class Modal(Checked):
     """The basis of the modal method."""
 
-    number: int | None = quantity("number of the lowest modes", default=None, at_least=1)
+    number: int | None = quantity("number of the lowest modes", default=None, at_least=1, at_most=1_000_000)
     low: float | None = quantity("lower end of the band of frequencies, instead of a number", "Hz", default=None, at_least=0.0)
     high: float | None = quantity("upper end of the band", "Hz", default=None, above=0.0)
     shift: float = quantity("where the search begins; below zero for a structure that can move without strain", "rad2/s2",
@@ -169,4 +169,4 @@ class Run(Checked):
     """How the scene is analysed where the command line does not say it."""
 
     method: str = quantity("method of analysis", default="transient", one_of=METHODS)
-    iterations: int = quantity("published passes; 0: uplift is solved exactly", default=0, at_least=0)
+    iterations: int = quantity("published passes; 0: uplift is solved exactly", default=0, at_least=0, at_most=1_000_000)

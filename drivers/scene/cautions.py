@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -23,6 +24,9 @@ FINER = 8
 MANY = 2**20
 """Values of a signal that are looked at, at most."""
 
+JUMP = 0.02
+"""Of a record's largest value; what a recorder still writes of noise at its end is less."""
+
 
 def scene_cautions(scene: Scene, method: str = "") -> list[Finding]:
     """Return what is doubtful about a scene that can be run; by `method` if it is named, else by the scene's own."""
@@ -40,8 +44,44 @@ def scene_cautions(scene: Scene, method: str = "") -> list[Finding]:
         found.append("nothing presses the plate on its supports: without [gravity] or a preload the contacts carry no force at rest")
     findings = [finding("scene", words) for words in found]
     for name, signal in signals if in_time else []:
-        findings += [finding("signal", f"{name}: {words}") for words in _against_steps(scene, signal)]
+        findings += [replace(found, text=f"{name}: {found.text}") for found in _of_signal(scene, signal)]
     return findings
+
+
+def _of_signal(scene: Scene, signal: Signal) -> Iterator[Finding]:
+    if isinstance(signal, Table):
+        yield from signal.remarks
+    end = scene.transient.duration if scene.transient is not None else scene.horizon
+    if end and not _acts(signal, end):
+        lies = f"; it lies between {signal.times[0]:g} s and {signal.times[-1]:g} s" if isinstance(signal, Table) else ""
+        yield finding("record", f"it is zero from 0 to the end of the analysis at {end:g} s and moves nothing{lies}")
+        return
+    if isinstance(signal, Table):
+        yield from (finding("record", words) for words in _cut(signal, end))
+    yield from (finding("signal", words) for words in _against_steps(scene, signal))
+
+
+def _acts(signal: Signal, horizon: float) -> bool:
+    """Tell whether a signal is anything but zero between 0 and `horizon` s."""
+    times = np.linspace(0.0, horizon, min(MANY, FINER * 1000))
+    if isinstance(signal, Table):
+        times = np.append(signal.times[(signal.times >= 0) & (signal.times <= horizon)], (0.0, horizon))
+    return bool(np.any(signal(times)))
+
+
+def _cut(record: Table, horizon: float) -> Iterator[str]:
+    """Say what of a record acts before the analysis begins, and where it jumps to zero."""
+    times, values = record.times, record.values
+    before, largest = values[times < 0], float(np.max(np.abs(values)))
+    if np.any(before):
+        share = float((before**2).sum() / (values**2).sum())
+        yield f"the record begins at {times[0]:g} s; the analysis begins at 0 and misses {share:.2g} of its energy"
+    for end, here, inside in ((0, "begins", 0 < times[0] < horizon), (-1, "ends", times[-1] < horizon)):
+        if inside and abs(values[end]) > JUMP * largest:
+            yield (
+                f"the record {here} at {times[end]:g} s with {abs(values[end]) / largest:.0%} of its largest value and is zero "
+                f"{'before' if end == 0 else 'after'}: it jumps there"
+            )
 
 
 def _signals(scene: Scene) -> Iterator[tuple[str, Signal]]:

@@ -120,18 +120,17 @@ def _in_file(table: Table, mesh: MeshSource, folder: Path) -> dict[str, Any]:
     path, key = folder / table.take("file", str), table.key("file")
     expected = "expected x, y, and perhaps z and a share"
     try:
-        headings, rows = read_columns(path, expected)
+        columns = read_columns(path, expected)
+        rows = list(columns.rows())
     except ModelError as error:
         raise ModelError(key, error.message) from None
     if not rows or len(rows) > 1_000_000:
         raise ModelError(key, f"{path}: expected at least one line of x and y, and at most 1e6")
-    names = headings or COLUMNS[: len(rows[0].values)]
+    names = tuple(name.lower() for name in columns.headings[0]) if columns.headings else COLUMNS[: columns.width]
     if len(set(names)) < len(names) or not {"x", "y"} <= set(names) <= set(COLUMNS):
         raise ModelError(key, f"{path}: {expected}, got the columns {', '.join(names):.60}")
     points, shares = [], []
     for row in rows:
-        if len(row.values) != len(names):
-            raise ModelError(key, f"{path}, line {row.number}: expected {len(names)} numbers, got {row.text!r:.60}")
         at = dict(zip(names, row.values, strict=True))
         points.append(one_point([at["x"], at["y"], at.get("z", 0.0)], mesh, f"{key}, line {row.number}"))
         shares.append(at.get("share", 1.0))

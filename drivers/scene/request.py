@@ -66,6 +66,11 @@ class Request:
                 "or let a transient run begin with start = 'rest'"
             )
 
+    def needs_rest(self, scene: Scene) -> bool:
+        """Return whether the run begins, or ends, with the state of rest in which the contacts that pull are open."""
+        begins = self._section() == "transient" and scene.transient is not None and scene.transient.start == "static"
+        return self.passes is None and (self.method == "static" or begins)
+
     def _section(self) -> str:
         """Return the section of the scene that the method reads, if any."""
         if self.method in ("static", "harmonic"):

@@ -12,12 +12,16 @@ from uplift.drivers.scene.mesh import read_mesh, with_nodes
 from uplift.drivers.scene.model import read_model
 from uplift.drivers.scene.paths import varied
 from uplift.drivers.scene.refinement import finer_to
+from uplift.drivers.scene.texts import see_texts
 from uplift.drivers.scene.toml_table import Table
 from uplift.forms.parameters import PlateModel
 from uplift.forms.shells.kinematics import Kinematics
 from uplift.meshes.checked import ModelError
 from uplift.meshes.sources import MeshSource
 from uplift.solvers.frequency_domain.window import Window
+
+LARGEST_FILE = 50_000_000
+"""Bytes of a scene; a million points in it take less."""
 
 
 @dataclass(frozen=True)
@@ -57,6 +61,10 @@ def read_scene(path: Path | str) -> Scene:
     """Read and check a scene file. Raises `ModelError`, its key the path of the offending entry, such as plate.young."""
     path = Path(path)
     try:
+        if path.exists() and not path.is_file():
+            raise ModelError("", "cannot be read: it is no file")
+        if path.exists() and path.stat().st_size > LARGEST_FILE:
+            raise ModelError("", f"expected a file of at most {LARGEST_FILE / 1e6:g} MB")
         table = tomllib.loads(path.read_text(encoding="utf-8"))
     except UnicodeDecodeError:
         raise ModelError("", "expected a TOML file in UTF-8") from None
@@ -64,11 +72,14 @@ def read_scene(path: Path | str) -> Scene:
         raise ModelError("", f"cannot be read: {error.strerror}") from None
     except tomllib.TOMLDecodeError as error:
         raise ModelError("", f"not valid TOML: {error}") from None
+    except RecursionError:
+        raise ModelError("", "its tables or arrays are nested too deeply") from None
     return build_scene(table, path.parent)
 
 
 def build_scene(table: dict[str, Any], folder: Path) -> Scene:
     """Build a scene from a TOML table; file names in it are relative to `folder`."""
+    see_texts(table)
     scene = Table(table, "")
     title = scene.take("title", str, default="")
     mesh, dofs = read_mesh(scene, folder)

@@ -8,6 +8,7 @@ from typing import Any, get_type_hints
 
 from uplift.drivers.scene import analysis, model
 from uplift.drivers.scene.mesh import COLUMNS, MOST_DOFS
+from uplift.drivers.scene.signals import SIGNALS, SignalKind
 from uplift.drivers.scene.toml_table import in_words
 from uplift.forms.contact.supports import AXES, Spring, Support
 from uplift.forms.parameters import Condition, Force, Mass, Pressure, Probe
@@ -116,9 +117,9 @@ directions are three of them."""
 _NAME = Key("name", str, "name of the load", default="load and its number")
 
 
-def _signal_section(name: str, kind: type, *more: Key) -> Section:
-    doc = (kind.__doc__ or "").strip()
-    return Section("load", f'[load] signal = "{name}"', doc, of(kind) + more)
+def _signal_section(name: str, kind: SignalKind) -> Section:
+    keys = tuple(key for parameters in kind.parameters for key in of(parameters))
+    return Section("load", f'[load] signal = "{name}"', _doc(kind.parameters[0]), keys)
 
 
 def _dofs(refined: str) -> Key:
@@ -177,7 +178,7 @@ def _load_sections() -> list[Section]:
             Key("kind", str, "what acts", default="ground", range='"ground", "force", "pressure"'),
             Key("direction", f"one of {', '.join(AXES)}, or {_COMPONENTS}", "direction, or the axis of a rocking motion"),
             Key("center_of_rotation", "a point [x, y, z]", "a point on the axes of rocking motions", "m", None),
-            Key("signal", str, "the function of time, see below", range=", ".join(f'"{name}"' for name in model.SIGNALS)),
+            Key("signal", str, "the function of time, see below", range=", ".join(f'"{name}"' for name in SIGNALS)),
         ), listed=True),
         Section("load", '[load] of forces (kind = "force")', _doc(Force), (
             _NAME, *PLACES,
@@ -188,8 +189,7 @@ def _load_sections() -> list[Section]:
             _NAME, *of(Pressure, "name", "signal", value=Key("value", float, "pressure along the normal", "Pa")),
             Key("signal", str, _SIGNAL, default=None),
         ), listed=True),
-        *(_signal_section(name, kind, *(of(model.Tabulated) if name == "ricker" else ()))
-          for name, kind in model.SIGNALS.items()),
+        *(_signal_section(name, kind) for name, kind in SIGNALS.items()),
     ]
 
 

@@ -106,15 +106,15 @@ def in_words(kind: Any) -> str:
     if kind == GroupNames:
         return "a text in quotes or an array of texts"
     if isinstance(kind, types.UnionType):
-        return in_words(_present(kind))
+        return " or ".join(map(in_words, _present(kind)))
     if get_origin(kind) is tuple:
         return "an array of " + {float: "numbers", str: "texts", int: "whole numbers"}[get_args(kind)[0]]
     return words.get(kind, "an array" if kind is list else "a value")
 
 
-def _present(kind: Any) -> Any:
-    """Return what stands in the file of a type that may be nothing."""
-    return next(option for option in get_args(kind) if option is not type(None))
+def _present(kind: Any) -> list[Any]:
+    """Return what may stand in the file of a type that may be several, or nothing."""
+    return [option for option in get_args(kind) if option is not type(None)]
 
 
 def convert(value: Any, kind: Any, key: str) -> Any:
@@ -129,7 +129,11 @@ def convert(value: Any, kind: Any, key: str) -> Any:
         if value == []:
             raise ModelError(key, "expected at least one name")
     if isinstance(kind, types.UnionType):  # a number or nothing: what stands in the file is the number
-        return convert(value, _present(kind), key)
+        options = _present(kind)
+        fitting = [option for option in options if isinstance(value, option) and not isinstance(value, bool)]
+        if len(options) > 1 and not fitting:
+            raise ModelError(key, f"expected {in_words(kind)}, got {value!r:.60}")
+        return convert(value, (fitting or options)[0], key)
     if get_origin(kind) is tuple:
         if not isinstance(value, list):
             raise ModelError(key, f"expected an array, got {value!r:.60}")

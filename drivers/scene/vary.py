@@ -32,13 +32,13 @@ def variation(text: str) -> Variation:
     try:
         if ":" in spec:
             first, last, number = spec.split(":")
-            values = tuple(np.linspace(float(first), float(last), int(number)).tolist())
+            values = tuple(np.linspace(float(first), float(last), min(int(number), MAX_CASES + 1)).tolist())
         else:
             values = tuple(float(part) for part in spec.split(","))
     except ValueError:
         values = ()
     if not key.strip() or not values or not np.all(np.isfinite(values)):
-        raise ModelError("--vary", f"expected KEY=FIRST:LAST:NUMBER or KEY=A,B,..., as load.amplitude=0.5:8:16, got {text!r}")
+        raise ModelError("--vary", f"expected KEY=FIRST:LAST:NUMBER or KEY=A,B,..., as load.amplitude=0.5:8:16, got {text!r:.60}")
     return Variation(key.strip(), values)
 
 

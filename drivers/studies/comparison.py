@@ -12,6 +12,7 @@ import numpy as np
 
 from uplift.drivers.report.charts import curve
 from uplift.drivers.report.html_page import figures, page, section, table
+from uplift.drivers.report.pictures import draw
 from uplift.drivers.report.words import number, scale_for, written
 from uplift.drivers.results.folder import all_or_nothing
 from uplift.drivers.results.results import Results, Series, floor_acceleration
@@ -279,7 +280,7 @@ def _draw(path: Path, comparison: Comparison) -> None:
     for pair in _shown(comparison, PICTURED):
         scale = scale_for(pair.unit, max(float(np.max(np.abs(pair.first))), float(np.max(np.abs(pair.second)))))
         panels.append((f"{_title(pair)}\n[{scale.label}]", pair.times, pair.first / scale.size, pair.second / scale.size))
-    draw_overlays(path, panels, ("A", "B"), f"A: {comparison.names[0]}\nB: {comparison.names[1]}")
+    draw(draw_overlays, path, panels, ("A", "B"), f"A: {comparison.names[0]}\nB: {comparison.names[1]}")
 
 
 def comparison_page(comparison: Comparison) -> str:

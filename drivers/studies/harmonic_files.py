@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 
 from uplift.drivers.analysis.assembled_scene import AssembledScene
 from uplift.drivers.analysis.harmonic import probe_responses
+from uplift.drivers.process import heard_findings
+from uplift.drivers.report.pictures import draw
 from uplift.drivers.results.folder import all_or_nothing, versions, write_columns, write_summary
 
 
@@ -31,12 +34,12 @@ def respond(assembly: AssembledScene, folder: Path, *, plots: bool) -> list[str]
                 from uplift.drivers.report.history_plots import draw_response
 
                 title = f"{assembly.scene.title or 'Uplift'}\nharmonic response, every contact bonded"
-                draw_response(staging / "response.png", settings.points, tuple(names), values, title)
+                draw(draw_response, staging / "response.png", settings.points, tuple(names), values, title)
             write_summary(staging / "summary.json", {
                 "title": assembly.scene.title, "method": "harmonic", "scene": assembly.scene.source, "dofs": operators.n,
                 "frequencies": len(settings.points), "loads": [load.name for load in shaking], "ranks": operators.comm.size,
                 "peaks": {n: _peak(settings.points, v) for n, v in zip(names, np.abs(values).T, strict=True)},
-                "seconds": assembly.clock.seconds, "versions": versions(),
+                "findings": [asdict(finding) for finding in heard_findings()], "seconds": assembly.clock.seconds, "versions": versions(),
             })
     lines = [f"{'load and probe':<40}{'largest modulus':>18}{'at f [Hz]':>14}"]
     for name, column in zip(names, np.abs(values).T, strict=True):

@@ -9,6 +9,7 @@ import numpy as np
 
 from uplift.drivers.analysis.assembled_scene import AssembledScene
 from uplift.drivers.analysis.modes import ModeTable, Wanted, find_modes
+from uplift.drivers.report.pictures import draw
 from uplift.drivers.results.folder import all_or_nothing, versions, write_columns, write_summary
 from uplift.meshes.gather import WholeMesh, gather_mesh, gather_nodal
 from uplift.solvers.bases.modes import Modes, effective_masses
@@ -64,7 +65,7 @@ def _draw(path: Path, assembly: AssembledScene, mesh: WholeMesh, labels: list[st
         "plain spring": np.array([p for spring in model.springs for p in spring.points]).reshape(-1, 3),
     }
     title = f"{assembly.scene.title or 'Uplift'}\nfirst {min(DRAWN, len(labels))} of {len(labels)} modes, every contact bonded"
-    draw_modes(path, mesh, labels[:DRAWN], shapes[:DRAWN], held, title)
+    draw(draw_modes, path, mesh, labels[:DRAWN], shapes[:DRAWN], held, title)
 
 
 def _summary(assembly: AssembledScene, table: ModeTable) -> dict[str, Any]:

@@ -18,6 +18,7 @@ import numpy as np
 
 from uplift.drivers.analysis.assembled_scene import AssembledScene
 from uplift.drivers.analysis.modes import Wanted, find_modes
+from uplift.drivers.report.pictures import draw
 from uplift.drivers.results.folder import all_or_nothing, versions, write_columns, write_summary
 from uplift.drivers.scene.analysis import Transient
 from uplift.forms.operators import Operators
@@ -216,7 +217,7 @@ def _draw(path: Path, assembly: AssembledScene, result: Truncation) -> None:
             panels[label] = {"modes alone": errors[:, 0], "with static correction": errors[:, 1]}
     counts = np.array([pair[0].modes for pair in result.pairs()])
     title = f"{assembly.scene.title or 'Uplift'}\nmodal runs against the run in all dofs, uplift exact at every step"
-    draw_truncation(path, counts, panels, title)
+    draw(draw_truncation, path, counts, panels, title)
 
 
 def _summary(assembly: AssembledScene, found: Modes, result: Truncation) -> dict[str, Any]:

@@ -19,6 +19,7 @@ from uplift.drivers.analysis.assembled_scene import AssembledScene, prepare
 from uplift.drivers.analysis.basis import basis_notes, basis_of
 from uplift.drivers.analysis.initial_state import start_state
 from uplift.drivers.analysis.task import Task
+from uplift.drivers.report.pictures import draw as draw_picture
 from uplift.drivers.results.folder import all_or_nothing, versions, write_summary
 from uplift.drivers.scene.request import Request
 from uplift.drivers.scene.scene import Scene
@@ -169,4 +170,4 @@ def write_study(out: Path, study: StudyTable, *, draw: bool) -> None:
             writer.writerows([[repr(value) for value in row] for row in study.rows])
         write_summary(staging / "summary.json", study.facts)
         if draw:
-            draw_study(staging / "study.png", study.columns, np.array(study.rows), study.varied, study.title)
+            draw_picture(draw_study, staging / "study.png", study.columns, np.array(study.rows), study.varied, study.title)

@@ -202,7 +202,7 @@ def _node_values(group: Placed, nodes: np.ndarray, values: Sequence[float], dofs
 def _joints(space: Space, support: Support) -> list[Joint]:
     nodes = _nodes(space, support, f"supports.{support.name}")
     return [
-        Joint(support, f"{support.name}{number}", point, tributary, int(node))
+        Joint(support, f"{support.name}.{number}", point, tributary, int(node))
         for number, (point, tributary, node) in enumerate(zip(support.points, support.factors.tolist(), nodes, strict=True), start=1)
     ]
 

@@ -10,6 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from uplift.meshes.checked import Checked, ModelError, quantity
+from uplift.meshes.findings import Finding
 
 LARGEST = 1e12
 """No value of a signal and no frequency is larger, so that no square of one overflows; nor is a time in s, where it counts."""
@@ -186,6 +187,8 @@ class Table:
 
     times: np.ndarray
     values: np.ndarray
+    remarks: tuple[Finding, ...] = ()
+    """What a user has to know of how it was read."""
 
     def __post_init__(self) -> None:
         """Check that the table is one of finite numbers at increasing times."""

@@ -65,12 +65,12 @@ def test_run_writes_its_files(tmp_path, method, passes):
     corner = int(np.argmin(np.linalg.norm(mesh.points - [4, 8, 0], axis=1)))
     assert mesh.point_data["displacement [m]"][corner, :2] == pytest.approx(values[peak, 1:3], rel=1e-9)
     header, forces = read_history(out / "contacts.csv")
-    assert header[1:3] + header[-1:] == ["RESS1 force [N]", "RESS2 force [N]", "RESS5 gap [m]"]
+    assert header[1:3] + header[-1:] == ["RESS.1 force [N]", "RESS.2 force [N]", "RESS.5 gap [m]"]
     if not passes:
         assert np.min(forces[:, 1:]) > -1e-6
         assert np.max(np.abs(forces[:, 1:6] * forces[:, 6:])) < 1e-6
         assert values[233:235, 3] == pytest.approx([37.5, 37.5])
-        largest = summary["extremes"]["contacts"]["RESS1 force [N]"]
+        largest = summary["extremes"]["contacts"]["RESS.1 force [N]"]
         assert largest["max"] == forces[:, 1].max() and largest["t_max"] == forces[np.argmax(forces[:, 1]), 0]
 
 

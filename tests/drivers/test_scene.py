@@ -1,3 +1,4 @@
+import tomllib
 from dataclasses import replace
 from pathlib import Path
 
@@ -7,7 +8,7 @@ import pytest
 from uplift.drivers.analysis.analyse import analyse
 from uplift.drivers.analysis.assembled_scene import prepare
 from uplift.drivers.scene.request import Request
-from uplift.drivers.scene.scene import read_scene
+from uplift.drivers.scene.scene import build_scene, read_scene
 from uplift.meshes.checked import ModelError
 
 SCENE = Path(__file__).parents[2] / "drivers" / "scenes" / "sdls119a.toml"
@@ -131,3 +132,64 @@ def test_one_support_lets_the_plate_turn(comm):
             Request("modal").check_held(scene, assembly.plate.unrestrained)
     with prepare(replace(scene, model=replace(scene.model, supports=(support,))), comm) as assembly:
         assert assembly.plate.unrestrained == ()
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("x = " + "[" * 5000 + "]" * 5000, "nested too deeply"),
+        ("x = " + "[" * 100 + "]" * 100, "at most 20 tables and arrays"),
+        (".".join(["a"] * 3000) + " = 1", "at most 20 tables and arrays"),
+        ('title = "a\\u0000b"', "title: expected a text without control characters"),
+        ('title = "\\u001b[31mred"', "title: expected a text without control characters"),
+        ('[[probes]]\nname = "P\\u0007"\npoint = "P3"', r"probes.name: expected a text without control characters"),
+        ('[[probes]]\nname = "P\\n"\npoint = "P3"', r"probes.name: expected a text without control characters"),
+        (f'[[probes]]\nname = "{"n" * 300}"\npoint = "P3"', "probes.name: expected a text of at most 100 characters, got 300"),
+        (f'"{"k" * 300}" = 1', "expected a key of at most 100 characters"),
+        ('"\\u0007" = 1', "expected a key without control characters"),
+        (f'title = "{"t" * 1001}"', "at most 1000 characters"),
+        (f'[mesh]\nnx = {"9" * 4000}', "a number|nx|digits"),
+    ],
+)
+def test_what_no_scene_holds_is_refused_in_one_short_line(tmp_path, text, words):
+    path = tmp_path / "scene.toml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(ModelError, match=words) as error:
+        read_scene(path)
+    assert str(error.value).isprintable() and len(str(error.value)) < 1100
+
+
+def test_messages_are_cut():
+    message = str(ModelError("key", "x" * 10_000 + "\n\x1b[31m"))
+    assert len(message) < 1100 and message.isprintable()
+
+
+COUNTS = (
+    "mesh.nx", "mesh.ny", "transient.every", "transient.settling.steps", "run.iterations", "supports.count", "modal.number",
+    "harmonic.count", "fourier.samples",
+)
+
+
+@pytest.mark.parametrize("key", COUNTS)
+def test_every_count_is_bounded(tmp_path, key):
+    *tables, last = key.split(".")
+    scene = tomllib.loads(SCENE.read_text(encoding="utf-8"))
+    scene["modal"] = {"number": 5}
+    scene["harmonic"] = {"low": 1.0, "high": 2.0, "count": 3}
+    here = scene
+    for name in tables:
+        here = here.setdefault(name, {})
+        here = here[0] if isinstance(here, list) else here
+    if key == "supports.count":
+        here.pop("points", None)
+        here.pop("grid", None)
+        here["edge"] = "DBAS"
+    here[last] = 10**12
+    with pytest.raises(ModelError, match=f"{last}: expected"):
+        build_scene(scene, tmp_path)
+
+
+@pytest.mark.parametrize("name", ["/dev/zero", "/dev/null", "/"])
+def test_what_is_no_file_is_not_read(name):
+    with pytest.raises(ModelError, match="it is no file"):
+        read_scene(Path(name))

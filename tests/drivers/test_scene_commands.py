@@ -155,3 +155,71 @@ def test_a_warning_is_printed_once_though_the_process_begins_again(tmp_path):
     (tmp_path / "scene.toml").write_text(SCENE.read_text(encoding="utf-8").replace("duration = 5.0 ", "duration = 1.5 "), encoding="utf-8")
     done = drivers("run", tmp_path / "scene.toml", "--method", "time-frequency", "--quiet", "--no-plots", "--out", tmp_path / "out")
     assert done.returncode == 0 and done.stderr.count("misses") == 1, done.stderr
+
+
+RIGID = """
+[mesh]
+width = 4.0
+height = 4.0
+nx = 2
+ny = 2
+degree = 1
+[kinematics]
+kind = "bending"
+[plate]
+young = 1e15
+poisson = 0.2
+density = 2500.0
+thickness = 1.0
+[gravity]
+acceleration = 9.81
+[[supports]]
+name = "S"
+grid = { from = [0, 0], to = [4, 4], count = [3, 3] }
+stiffness = { Z = 1e7 }
+contact = { Z = 1e15 }
+unilateral = "Z"
+[[load]]
+direction = { Z = 5.0 }
+signal = "sine"
+amplitude = 0.5
+frequency = 1.0
+[[probes]]
+name = "P"
+point = [2, 2]
+[transient]
+step = 0.01
+duration = 1.0
+"""
+
+
+def test_check_adds_figures_by_which_a_scene_is_known(comm, tmp_path):
+    """A rigid plate of 40,000 kg on nine springs of 1e7 N/m sinks by m g / k and bounces with sqrt(k / m)."""
+    (line,) = [line for line in check_scene(scene_of(tmp_path, RIGID), comm, mesh=True) if line.startswith("plausible")]
+    found = re.fullmatch(r"plausible   first frequency (.*) Hz, at rest (.*) mm at most, ground up to (.*) m/s2, 40,000.0 kg", line)
+    frequency, sag, ground = map(float, found.groups())
+    assert sag == pytest.approx(1e3 * 40_000 * 9.81 / 9e7, rel=1e-3)
+    assert frequency == pytest.approx(np.sqrt(9e7 / 40_000) / (2 * np.pi), rel=1e-2)  # the plate bends a little
+    assert ground == pytest.approx(0.5 * 5.0, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("[transient]\nstep = 0.01\nduration = 1.0\n", "", "the method transient needs the section"),
+        ("acceleration = 9.81", "acceleration = -9.81", "the static loads lift or tip the plate off its supports"),
+        ('grid = { from = [0, 0], to = [4, 4], count = [3, 3] }', "points = [[0, 0], [0, 4]]", "lift or tip|nothing holds"),
+        ("duration = 1.0", 'duration = 1.0\n[run]\nmethod = "modal"', r"needs the section \[modal\]"),
+        ("nx = 2\nny = 2", "nx = 9000\nny = 9000", "the run will need some"),
+    ],
+)
+def test_check_refuses_what_run_refuses(comm, tmp_path, old, new, words):
+    assert old in RIGID
+    scene = scene_of(tmp_path, RIGID.replace(old, new))
+    with pytest.raises(ModelError, match=words):
+        check_scene(scene, comm, mesh=True)
+
+
+def test_check_of_a_body_that_begins_at_rest_needs_no_state_of_rest(comm, tmp_path):
+    text = RIGID.replace("acceleration = 9.81", "acceleration = -9.81").replace("duration = 1.0", 'duration = 1.0\nstart = "rest"')
+    assert any("no state of rest" in line for line in check_scene(scene_of(tmp_path, text), comm, mesh=True))

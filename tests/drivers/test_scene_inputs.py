@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -64,9 +65,17 @@ def test_inline_table_is_linear_between_its_values(tmp_path):
         ('signal = "noise"\nsede = 1\nhigh = 3.0\nend = 1.0', "load.seed", "did you mean 'seed'"),
         ('signal = "csv"\nfile = "record.csv"\nunit = "ft/s2"', "load.unit", "m/s2, g, cm/s2"),
         ('signal = "csv"\nfile = "none.csv"', "load.file", "no such file"),
+        ('signal = "csv"\nfile = "three.csv"', "load.column", r"missing; .* 3 columns: expected one of 2 \(ax\), 3 \(ay\)"),
+        ('signal = "csv"\nfile = "three.csv"\ncolumn = 1', "load.column", "expected one of 2 .*got 1"),
+        ('signal = "csv"\nfile = "three.csv"\ncolumn = 4', "load.column", "expected one of 2 .*got 4"),
+        ('signal = "csv"\nfile = "three.csv"\ncolumn = 0', "load.column", "expected >= 1"),
+        ('signal = "csv"\nfile = "three.csv"\ncolumn = 1.5', "load.column", "expected a whole number or a text"),
+        ('signal = "csv"\nfile = "three.csv"\ncolumn = true', "load.column", "expected a whole number or a text"),
+        ('signal = "csv"\nfile = "three.csv"\ncolumn = "az"', "load.column", "has no columns 'az': expected one of"),
     ],
 )
 def test_wrong_signals_are_named(tmp_path, lines, key, words):
+    (tmp_path / "three.csv").write_text("t,ax,ay\n0,1,2\n1,3,4\n", encoding="utf-8")
     with pytest.raises(ModelError, match=words) as error:
         signal_of(tmp_path, lines)
     assert error.value.key == key
@@ -77,6 +86,39 @@ def test_record_has_a_unit(tmp_path, unit, factor):
     (tmp_path / "séisme 1.csv").write_text("t;a\n0;0\n0.01;2\n0.02;-1\n", encoding="utf-8")
     record = signal_of(tmp_path, f'signal = "csv"\nfile = "séisme 1.csv"\nunit = "{unit}"\nscale = 0.5')
     assert record(np.array([0.01, 0.015])) == pytest.approx([factor, 0.25 * factor])
+
+
+@pytest.mark.parametrize("column", ["3", '"ay"', '" AY "'])
+def test_record_of_more_columns_is_read_by_number_or_name(tmp_path, column):
+    (tmp_path / "record.csv").write_text("t;ax;ay\n0;0;1\n0.01;2;3\n", encoding="utf-8")
+    record = signal_of(tmp_path, f'signal = "csv"\nfile = "record.csv"\ncolumn = {column}')
+    assert record(np.array([0.0, 0.01])).tolist() == [1.0, 3.0]
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({-1.0: 0, -0.5: 3, 0.0: 0, 1.0: 4, 2.0: 0}, ["begins at -1 s; .* misses 0.36 of its energy"]),
+        ({0.0: 0, 1.0: 4, 2.0: 1}, ["ends at 2 s with 25% of its largest value and is zero after"]),
+        ({1.0: 1, 1.5: 4, 2.0: 0}, ["begins at 1 s with 25% of its largest value and is zero before"]),
+        ({0.0: 0, 1.0: 4, 2.0: 0.05}, []),
+        ({0.0: 0, 1.0: 4, 6.0: 4}, []),  # the run ends before
+        ({0.0: 0, 1.0: 0, 2.0: 0}, ["zero from 0 to the end of the analysis at 5 s and moves nothing; it lies between 0 s and 2 s"]),
+        ({7.0: 0, 8.0: 1, 9.0: 0}, ["zero from 0 to the end of the analysis at 5 s and moves nothing; it lies between 7 s and 9 s"]),
+        ({-3.0: 0, -2.0: 1, -1.0: 0}, ["moves nothing; it lies between -3 s and -1 s"]),
+    ],
+)
+def test_record_that_is_cut_or_never_acts_is_said(tmp_path, values, words):
+    lines = [f"{t:g},{v:g}" for t, v in values.items()]
+    (tmp_path / "record.csv").write_text("\n".join(lines), encoding="utf-8")
+    scene = with_load(tmp_path, 'signal = "csv"\nfile = "record.csv"')
+    found = [one.text for one in scene_cautions(scene) if one.key == "record"]
+    assert len(found) == len(words) and all(re.search(w, text) for w, text in zip(words, found, strict=True)), found
+
+
+def test_a_signal_that_begins_after_the_run_is_said(tmp_path):
+    scene = with_load(tmp_path, 'signal = "step"\nstart = 9.0')
+    assert [one.key for one in scene_cautions(scene)] == ["record"]
 
 
 @pytest.mark.parametrize(("row", "words"), [(0.001, "pass over some"), (0.007, "no multiple"), (0.02, "")])
@@ -120,8 +162,8 @@ def test_shares_of_a_file_multiply_stiffness_and_mass(tmp_path, comm):
         ("x,y\n", "at least one line"),
         ("x,z\n0,0\n", "got the columns x, z"),
         ("x,y,x\n0,0,0\n", "got the columns"),
-        ("0\n", "got the columns x"),
-        ("0,0\n1,0,0\n", "line 2: expected 2 numbers"),
+        ("0\n", "line 1: expected x, y"),
+        ("0,0\n1,0,0\n", "line 2: expected .* in 2 columns as before"),
         ("0,0\n5,0\n", "lies outside the plate"),
         ("0,0,0,-1\n", "expected a share > 0"),
         ("0,0\n1,nan\n", "line 2: expected finite"),

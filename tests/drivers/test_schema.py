@@ -84,7 +84,7 @@ SIGNALS = {
     "sweep": {"amplitude": 1.0, "first": 1.0, "last": 2.0, "start": 0.0, "end": 2.0, "spacing": "linear", "taper": 0.1},
     "noise": {"seed": 1, "rms": 1.0, "low": 1.0, "high": 5.0, "start": 0.0, "end": 4.0, "rise": 1.0, "decay": 1.0},
     "table": {"times": [0, 1], "values": [0.0, 1.0]},
-    "csv": {"file": "record.csv", "scale": 2.0, "unit": "g"},
+    "csv": {"file": "record.csv", "scale": 2.0, "unit": "g", "column": 2},
 }
 
 

@@ -1,6 +1,10 @@
 """Bases in files: written whole, read back for the same model only."""
 
+import os
+import subprocess
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import h5py
 import numpy as np
@@ -17,6 +21,7 @@ from uplift.solvers.basis_file import read_basis, write_basis
 from uplift.solvers.time_domain.initial import static_state
 from uplift.solvers.time_domain.scheme import Scheme
 
+ROOT = Path(__file__).parents[2]
 SETTINGS = KrylovSettings(tolerance=1e-3)
 
 
@@ -99,7 +104,7 @@ def test_damaged_and_foreign_files_are_refused(sdls119a, comm, stored, tmp_path)
     with prepare(sdls119a, comm) as assembly:
         damaged = ["text", "10", str(len(whole) // 2), str(len(whole) - 100)]
         expected = [("foreign.h5", "not a file of a basis"), ("missing.h5", "there is no such file")]
-        for name, words in expected + [(f"{name}.h5", "not a whole HDF5 file") for name in damaged]:
+        for name, words in expected + [(f"{name}.h5", "not a whole file of a basis") for name in damaged]:
             with pytest.raises(ModelError, match=f"{name}: {words}") as caught:
                 read_basis(tmp_path / name, assembly.operators)
             assert "\n" not in str(caught.value)
@@ -116,3 +121,79 @@ def test_a_file_that_cannot_be_written_leaves_nothing(sdls119a, comm, stored, tm
     with prepare(sdls119a, comm) as assembly, pytest.raises(ModelError, match="cannot be written"):
         write_basis(target, assembly.operators, stored[1], SETTINGS)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["basis.h5", "folder.h5", "in the way"]
+
+
+@pytest.mark.serial
+def test_a_changed_byte_is_found(sdls119a, comm, stored, tmp_path):
+    whole = stored[0].read_bytes()
+    with h5py.File(stored[0], "r") as file:
+        begin, length = file["vectors"].id.get_offset(), file["vectors"].id.get_storage_size()
+    rng = np.random.default_rng(1)
+    with prepare(sdls119a, comm) as assembly:
+        for at in [begin, begin + length // 2, begin + length - 1, *rng.integers(0, len(whole), 20)]:
+            changed = bytearray(whole)
+            changed[at] ^= 0xFF
+            (tmp_path / "changed.h5").write_bytes(changed)
+            try:
+                again, _ = read_basis(tmp_path / "changed.h5", assembly.operators)
+            except ModelError as error:
+                assert "\n" not in str(error)
+            else:  # a byte that means nothing
+                assert not begin <= at < begin + length and np.array_equal(again.vectors, stored[1].vectors)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("way", ["huge", "text", "group", "settings", "link", "external"])
+def test_foreign_contents_end_in_one_line(sdls119a, comm, stored, tmp_path, way):
+    with h5py.File(stored[0], "r+") as file:
+        n = file["vectors"].shape[1]
+        if way == "settings":
+            file.attrs["settings"] = '{"tolerance": "x"}'
+        else:
+            del file["vectors"]
+        if way == "huge":
+            file.create_dataset("vectors", (90, n), maxshape=(None, None), chunks=(1, 16), dtype=float)
+        elif way == "text":
+            file["vectors"] = "text"
+        elif way == "group":
+            file.create_group("vectors/x")
+        elif way == "link":
+            file["vectors"] = h5py.ExternalLink("/dev/zero", "vectors")
+        elif way == "external":
+            file.create_dataset("vectors", (50, n), dtype=float, external=[("/dev/zero", 0, 400 * n)])
+    with prepare(sdls119a, comm) as assembly, pytest.raises(ModelError, match="basis.h5: (not a whole file of a basis|damaged)") as caught:
+        read_basis(stored[0], assembly.operators)
+    assert "\n" not in str(caught.value)
+
+
+FULL_DISK = """
+import resource, sys
+from pathlib import Path
+from mpi4py import MPI
+from uplift.drivers.analysis.assembled_scene import prepare
+from uplift.drivers.scene.scene import read_scene
+from uplift.drivers.scene.shipped import shipped
+from uplift.meshes.checked import ModelError
+from uplift.solvers.bases.krylov import krylov_basis
+from uplift.solvers.bases.settings import KrylovSettings
+from uplift.solvers.basis_file import write_basis
+settings = KrylovSettings(tolerance=1e-3)
+with prepare(read_scene(shipped()["sdls119a"]), MPI.COMM_SELF) as assembly:
+    basis = krylov_basis(assembly.operators, settings)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[2]), int(sys.argv[2])))
+    try:
+        write_basis(Path(sys.argv[1]), assembly.operators, basis, settings)
+    except ModelError as error:
+        print(error)
+"""
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("room", [0, 100, 3000, 10_000, 20_000])
+def test_a_basis_for_which_there_is_no_room_leaves_nothing(tmp_path, room):
+    """A limit of the size of files stands for a full disk."""
+    clean = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_COMM", "PMIX", "PRTE"))} | {"PYTHONPATH": str(ROOT)}
+    done = subprocess.run([sys.executable, "-c", FULL_DISK, str(tmp_path / "b.h5"), str(room)], env=clean, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "cannot be written: File too large" in done.stdout and len(done.stdout.splitlines()) == 1
+    assert list(tmp_path.iterdir()) == []

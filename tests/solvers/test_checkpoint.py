@@ -167,11 +167,12 @@ def test_files_that_are_not_this_run_s_are_refused_by_name(tmp_path):
 
 
 @pytest.mark.serial
-def test_a_full_disk_is_reported_and_the_checkpoint_before_it_stays(tmp_path, comm, caplog):
+def test_a_full_disk_is_reported_and_the_checkpoint_before_it_stays(tmp_path, comm, caplog, monkeypatch):
     checkpoint = Checkpoint(tmp_path / "new", "run", comm, np.arange(4)[:, None])
     assert checkpoint.save("march-1", {"u": np.zeros(10)})
-    (tmp_path / "new" / "march-1.unfinished").symlink_to("/dev/full")
-    with caplog.at_level("WARNING", logger="solvers"):
+    (tmp_path / "new" / "march-1.unfinished").write_text("of a run that was killed", encoding="utf-8")
+    with caplog.at_level("WARNING", logger="uplift"), monkeypatch.context() as full:
+        full.setattr("os.fsync", lambda handle: (_ for _ in ()).throw(OSError(errno.ENOSPC, "No space left on device")))
         assert not checkpoint.save("march-1", {"u": np.ones(10)})
     assert "march-1.h5 could not be written" in caplog.text and "No space left on device" in caplog.text
     words = checkpoint.state_in_words(comm)
@@ -210,3 +211,36 @@ def test_a_new_run_does_not_take_what_an_old_one_left(tmp_path, comm, caplog):
     assert [p.name for p in tmp_path.iterdir()] == ["laplace-1-0001.h5"]
     new.clear()
     assert not tmp_path.exists()
+
+
+@pytest.mark.serial
+def test_only_checkpoints_are_removed_and_through_no_link(tmp_path, comm):
+    folder, elsewhere = tmp_path / "checkpoint", tmp_path / "elsewhere"
+    folder.mkdir()
+    elsewhere.mkdir()
+    labels = np.arange(3)[:, None]
+    write_file(elsewhere / "theirs.h5", {"a": np.ones(2)}, "run", "rows")
+    (folder / "linked.h5").symlink_to(elsewhere / "theirs.h5")
+    with h5py.File(folder / "mine.h5", "w") as foreign:
+        foreign["x"] = np.ones(3)
+    (folder / "text.h5").write_text("no", encoding="utf-8")
+    (folder / "march.unfinished").symlink_to(elsewhere / "theirs.h5")
+    before = (elsewhere / "theirs.h5").read_bytes()
+    checkpoint = Checkpoint(folder, "run", comm, labels)
+    assert checkpoint.save("march", {"a": np.ones(3)})
+    assert checkpoint.save("march", {"a": np.zeros(3)})
+    checkpoint.clear()
+    assert sorted(path.name for path in folder.iterdir()) == ["linked.h5", "mine.h5", "text.h5"]
+    assert (elsewhere / "theirs.h5").read_bytes() == before
+    (tmp_path / "link").symlink_to(elsewhere)
+    with pytest.raises(ModelError, match="is a link"):
+        Checkpoint(tmp_path / "link", "run", comm, labels)
+
+
+@pytest.mark.serial
+def test_a_checkpoint_that_says_more_than_it_holds_is_refused(tmp_path):
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file.attrs.update({"format": "uplift checkpoint 1", "run": "r", "rows": "r", "contents": "0"})
+        file.create_dataset("a", (10**6, 10**6), dtype=float, chunks=(1000, 1000))
+    with pytest.raises(ModelError, match="no values"):
+        read_file(tmp_path / "a.h5", "r", "r")
