@@ -1,16 +1,13 @@
 """Scene, CSV and mesh files with mistakes made at random: each ends in a result or in one line, soon and in little memory.
 
-The environment variable UPLIFT_MUTATIONS sets how many files there are, 300 where it is not set; a sixth of them are meshes. A tenth as
-many tables of joined plates are meshed, assembled and brought to rest.
+There are 30 such files, and 300 in the longer tier, or as many as the environment variable UPLIFT_MUTATIONS says; a sixth of them are
+meshes. A tenth as many tables of joined plates are meshed, assembled and brought to rest.
 """
 
 import json
 import os
 import resource
 import signal
-import subprocess
-import sys
-from pathlib import Path
 
 import gmsh
 import pytest
@@ -18,6 +15,7 @@ import pytest
 from tests.drivers.test_schema import RECTANGLE
 from tests.mutations import generator, mutated
 from tests.plate_mutations import KILOBYTES
+from tests.process import drivers, finish, start
 from uplift.drivers.analysis.memory import expected_bytes
 from uplift.drivers.scene.analysis import METHODS
 from uplift.drivers.scene.cautions import scene_cautions
@@ -26,11 +24,11 @@ from uplift.drivers.scene.scene import read_scene
 from uplift.drivers.scene.shipped import shipped
 from uplift.meshes.checked import ModelError
 
-pytestmark = pytest.mark.serial
-
-ROOT = Path(__file__).parents[2]
 MANY = int(os.environ.get("UPLIFT_MUTATIONS", "300"))
 SECONDS = 10
+"""s of processor time that a file may take."""
+
+some_and_many = pytest.mark.parametrize("number_of_files", [30, pytest.param(MANY, marks=pytest.mark.check)])
 
 INPUTS = """
 [[springs]]
@@ -70,7 +68,7 @@ from uplift.meshes.checked import ModelError
 from uplift.meshes.imported import MeshFile
 from uplift.meshes.tagged import build_mesh
 for name in sys.argv[1:]:
-    signal.alarm(60)
+    signal.setitimer(signal.ITIMER_PROF, 60)
     try:
         tagged = build_mesh(MPI.COMM_SELF, MeshFile(Path(name)), lambda flat, order, level: (2 if flat else 3, order))
         print("result", tagged.mesh.topology.index_map(2).size_global, flush=True)
@@ -80,7 +78,7 @@ for name in sys.argv[1:]:
 
 
 def slow(number, frame):
-    raise AssertionError(f"not done in {SECONDS} s")
+    raise AssertionError(f"not done in {SECONDS} s of processor time")
 
 
 def read_all(path):
@@ -96,13 +94,14 @@ def read_all(path):
         assert expected_bytes(scene, request, 1, None) > 0
 
 
-def test_scenes_and_tables(tmp_path):
+@some_and_many
+def test_scenes_and_tables(tmp_path, number_of_files):
     texts = [path.read_bytes() for path in shipped().values()] + [(RECTANGLE + INPUTS).encode()]
-    before = signal.signal(signal.SIGALRM, slow)
+    before = signal.signal(signal.SIGPROF, slow)
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     ended = {"result": 0, "error": 0}
     try:
-        for number in range(MANY - MANY // 6):
+        for number in range(number_of_files - number_of_files // 6):
             rng = generator("scene", number)
             files = CSV | {"scene.toml": rng.choice(texts)}
             if rng.random() < 0.25:
@@ -113,7 +112,7 @@ def test_scenes_and_tables(tmp_path):
             files[name] = mutated(files[name], rng)
             for file, data in files.items():
                 (tmp_path / file).write_bytes(data)
-            signal.alarm(SECONDS)
+            signal.setitimer(signal.ITIMER_PROF, SECONDS)
             try:
                 read_all(tmp_path / "scene.toml")
                 ended["result"] += 1
@@ -123,10 +122,10 @@ def test_scenes_and_tables(tmp_path):
             except Exception as error:
                 raise AssertionError(f"mutation {number}") from error
             finally:
-                signal.alarm(0)
+                signal.setitimer(signal.ITIMER_PROF, 0)
     finally:
-        signal.signal(signal.SIGALRM, before)
-    assert min(ended.values()) > 0.1 * MANY, ended
+        signal.signal(signal.SIGPROF, before)
+    assert min(ended.values()) > 0.1 * number_of_files, ended
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - peak < 500_000  # kB
 
 
@@ -148,29 +147,27 @@ def meshes(folder):
     return [folder / name for name in ("two.msh", "four.msh", "binary.msh", "five.med")]
 
 
-def test_meshes(tmp_path):
+@some_and_many
+def test_meshes(tmp_path, number_of_files):
     (tmp_path / "whole").mkdir()
     whole = meshes(tmp_path / "whole")
     files = list(whole)
-    for number in range(MANY // 6):
+    for number in range(number_of_files // 6):
         rng = generator("mesh", number)
         source = rng.choice(whole)
         files.append(tmp_path / f"{number} é{source.suffix}")
         files[-1].write_bytes(mutated(source.read_bytes(), rng))
-    environment = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_COMM", "PMIX", "PRTE"))} | {"PYTHONPATH": str(ROOT)}
-    command, limit = [sys.executable, "-c", CHILD, *map(str, files)], 60 + 10 * len(files)
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=limit)
+    done = finish(start("-c", CHILD, *files, seconds=60 + 10 * len(files)))
     lines = done.stdout.splitlines()
     assert done.returncode == 0 and len(lines) == len(files), (files[len(lines)], done.stderr[-500:])
     assert lines[:4] == ["result 32"] * 4
     assert {line.split()[0] for line in lines[4:]} == {"result", "error"}
 
 
-def test_joined_plates():
-    numbers = [str(number) for number in range(MANY // 10)]
-    environment = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_COMM", "PMIX", "PRTE"))} | {"PYTHONPATH": str(ROOT)}
-    command = [sys.executable, "-m", "tests.plate_mutations", *numbers]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=60 + 10 * len(numbers))
+@some_and_many
+def test_joined_plates(number_of_files):
+    numbers = range(number_of_files // 10)
+    done = finish(start("-m", "tests.plate_mutations", *numbers, seconds=60 + 10 * len(numbers)))
     lines = [json.loads(line) for line in done.stdout.splitlines()]
     assert done.returncode == 0 and len(lines) == len(numbers), (f"mutation {len(lines)}", done.stderr[-1000:])
     for line in lines:
@@ -193,11 +190,9 @@ def test_folder_is_kept_from_a_second_run(tmp_path):
 
 
 def test_second_run_is_refused_unless_it_may_overwrite(tmp_path):
-    environment = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_COMM", "PMIX", "PRTE"))}
     codes, errors = [], []
     for more in ([], [], ["--overwrite"]):
-        command = [sys.executable, "-m", "drivers", "run", str(shipped()["sdls119a"]), "--method", "static", "--no-plots", "--quiet"]
-        done = subprocess.run([*command, "--out", str(tmp_path / "out"), *more], cwd=ROOT, env=environment, capture_output=True, text=True)
+        done = drivers("run", shipped()["sdls119a"], "--method", "static", "--no-plots", "--quiet", "--out", tmp_path / "out", *more)
         codes.append(done.returncode)
         errors.append(done.stderr)
     assert codes == [0, 2, 0], errors
@@ -205,6 +200,7 @@ def test_second_run_is_refused_unless_it_may_overwrite(tmp_path):
 
 
 def test_a_reader_that_leaves_ends_quietly(tmp_path):
-    command = f"{sys.executable} -m drivers schema | head -n 1; echo ${{PIPESTATUS[0]}}"
-    done = subprocess.run(["bash", "-c", command], cwd=ROOT, capture_output=True, text=True, timeout=60)
-    assert (done.stdout, done.stderr) == ("# Scene files\n0\n", "")
+    child = start("-m", "drivers", "schema")
+    child.stdout.close()
+    done = finish(child)
+    assert (done.returncode, done.stderr) == (0, "")

@@ -38,6 +38,7 @@ def stored(sdls119a, comm, tmp_path):
 
 
 @pytest.mark.both
+@pytest.mark.ranks
 def test_what_is_written_is_read(sdls119a, comm, stored):
     path, basis = stored
     with prepare(sdls119a, comm) as assembly:
@@ -62,6 +63,7 @@ def test_another_gap_or_preload_uses_the_same_basis(sdls119a, comm, stored, chan
     assert np.max(np.abs(reached[0] - reached[1])) < 1e-4 * np.max(np.abs(reached[1]))
 
 
+@pytest.mark.ranks
 def test_another_model_is_refused(sdls119a, comm, stored):
     material = sdls119a.model.material
     stiffer = with_model(sdls119a, material=replace(material, young=1.5e8))
@@ -73,6 +75,7 @@ def test_another_model_is_refused(sdls119a, comm, stored):
         assert "\n" not in str(caught.value)
 
 
+@pytest.mark.ranks
 def test_loads_of_another_direction_are_refused(sdls119a, comm, stored):
     upwards = GroundMotion((0.0, 1.0), sdls119a.model.motions[0].signal)
     scene = with_model(sdls119a, motions=(upwards,), gravity=0.0)
@@ -87,7 +90,6 @@ def test_loads_of_another_direction_are_refused(sdls119a, comm, stored):
             read_basis(stored[0], assembly.operators)
 
 
-@pytest.mark.serial
 def test_damaged_and_foreign_files_are_refused(sdls119a, comm, stored, tmp_path):
     path = stored[0]
     whole = path.read_bytes()
@@ -105,7 +107,6 @@ def test_damaged_and_foreign_files_are_refused(sdls119a, comm, stored, tmp_path)
             assert "\n" not in str(caught.value)
 
 
-@pytest.mark.serial
 def test_a_file_that_cannot_be_written_leaves_nothing(sdls119a, comm, stored, tmp_path):
     (tmp_path / "in the way").write_text("", encoding="utf-8")
     with prepare(sdls119a, comm) as assembly, pytest.raises(ModelError, match="cannot be written"):
