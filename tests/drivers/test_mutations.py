@@ -161,7 +161,8 @@ def test_meshes(tmp_path, number_of_files):
     lines = done.stdout.splitlines()
     assert done.returncode == 0 and len(lines) == len(files), (files[len(lines)], done.stderr[-500:])
     assert lines[:4] == ["result 32"] * 4
-    assert {line.split()[0] for line in lines[4:]} == {"result", "error"}
+    ends = {line.split()[0] for line in lines[4:]}
+    assert ends == {"result", "error"} if number_of_files > 30 else ends == {"error"}  # the first five are all beyond repair
 
 
 @some_and_many
