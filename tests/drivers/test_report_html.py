@@ -199,6 +199,14 @@ def test_in_a_browser(reference_run, results, tmp_path):
         # The click has moved the film there.
         shown = results.times[results.plate.rows[int(window.run("return document.getElementById('film').dataset.frame"))]]
         assert abs(shown - 2.5) == np.min(np.abs(results.times[results.plate.rows] - 2.5)) < 0.02
+        assert window.complaints() == []
+
+
+@needs_browser
+def test_the_page_fits_every_screen_and_paper(reference_run, tmp_path):
+    with browser(tmp_path / "profile") as window:
+        window.open(reference_run / "report.html")
+        window.wait("return document.documentElement.dataset.ready === 'yes'")
         for width in (1280, 820, 390):
             window.resize(width, 900)
             window.wait("return document.querySelector('#chart-ground svg.chart') !== null")

@@ -1,4 +1,7 @@
-"""The shell's forms against exact states, published benchmarks and their own orders of convergence."""
+"""The shell's forms against exact states, published benchmarks and their own orders of convergence.
+
+Long because the models of all these are made by the functions at its top.
+"""
 
 import csv
 from pathlib import Path
