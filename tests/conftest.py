@@ -47,7 +47,7 @@ def pytest_collection_modifyitems(config, items):
 
     kept = [item for item in items if fits(item)]
     config.hook.pytest_deselected(items=[item for item in items if not fits(item)])
-    items[:] = sorted(kept, key=lambda item: item.path.name == "test_builds.py")
+    items[:] = sorted(kept, key=lambda item: item.path.name in ("test_builds.py", "test_processors.py"))
 
 
 def pytest_terminal_summary(terminalreporter):

@@ -98,6 +98,12 @@ def finish(started):
     return Done(started.returncode, out, err)
 
 
+def on_workers():
+    """Return options that give a pytest which is a child as many workers of pytest-xdist as this one has."""
+    number = os.environ.get("PYTEST_XDIST_WORKER_COUNT")
+    return ["-n", number, "--dist", "loadfile"] if number else []
+
+
 def clean_environment(**changes):
     """Return the environment of a user's shell in the checkout, in which one thread works for each process."""
     inherited = {key: value for key, value in os.environ.items() if not key.startswith(LAUNCHED)}

@@ -1,12 +1,9 @@
 """The same tests with the complex build of PETSc and on several ranks, as children of this run, and whole runs on several ranks."""
 
-import importlib.util
-import os
-
 import numpy as np
 import pytest
 
-from tests.process import ROOT, SCENE, child, finish, start
+from tests.process import ROOT, SCENE, child, finish, on_workers, start
 from uplift.drivers.petsc_installation import installation
 
 COMPLEX = dict(installation().builds.get("complex", {}))
@@ -42,9 +39,3 @@ def test_other_builds(tier, scalars, ranks, tmp_path):
     done = finish(start("-m", "mpi4py", "-m", "pytest", *options, ROOT / "tests", ranks=ranks, seconds=TIER_SECONDS, **environment))
     assert done.returncode == 0, done.stdout[-6000:] + done.stderr[-3000:]
     assert " passed" in done.stdout
-
-
-def on_workers():
-    """Options that give a child as many workers of pytest-xdist as this run has."""
-    number = os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1")
-    return ["-n", number, "--dist", "loadfile"] if number != "1" and importlib.util.find_spec("xdist") else []

@@ -5,7 +5,7 @@ import functools
 
 import pytest
 
-from tests.process import ROOT, child, finish, start
+from tests.process import ROOT, finish, start
 
 ROOMS = [
     "drivers.__main__", "drivers.cli", "drivers.commands", "drivers.evidence", "drivers.studies", "drivers.report", "drivers.results",
@@ -22,7 +22,6 @@ LARGE = {
     "forms/shells/shell.py: drilling, parameters": 8,
     "solvers/bases/krylov.py": 425,
     "solvers/bases/modes.py": 487,
-    "solvers/bases/reduced_march.py: march, parameters": 8,
     "solvers/frequency_domain/laplace.py: laplace_run, parameters": 8,
     "solvers/frequency_domain/laplace.py: _history, parameters": 8,
     "solvers/frequency_domain/sweep.py: sweep, parameters": 8,
