@@ -8,7 +8,6 @@ use up: a child may take so many seconds of processor time, and only one that wa
 import logging
 import os
 import resource
-import shutil
 import subprocess
 import sys
 from contextlib import ExitStack, chdir, contextmanager, redirect_stderr, redirect_stdout, suppress
@@ -73,8 +72,7 @@ def child(*arguments, ranks=1, cwd=ROOT, **environment):
 
 def start(*arguments, ranks=1, cwd=ROOT, seconds=PROCESSOR_SECONDS, **environment):
     """Start Python with these arguments, on several `ranks` where there are to be, and return its process."""
-    launcher = [] if ranks == 1 else [shutil.which("mpirun"), "--oversubscribe", "-n", str(ranks)]
-    return launch([*launcher, sys.executable, *map(str, arguments)], cwd=cwd, seconds=seconds, **environment)
+    return launch([*process.launcher(ranks), sys.executable, *map(str, arguments)], cwd=cwd, seconds=seconds, **environment)
 
 
 def launch(command, *, cwd=ROOT, seconds=PROCESSOR_SECONDS, **environment):

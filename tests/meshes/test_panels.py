@@ -214,7 +214,6 @@ def test_files_that_are_no_mesh_of_plates_are_refused(comm, tmp_path):
         build_mesh(comm, MeshFile(mixed), as_it_is)
 
 
-@pytest.mark.serial
 def test_plates_that_gmsh_does_not_join_are_refused():
     """A wall on the middle line of a raft, which a regular mesh of the raft passes over."""
     with gmsh_session() as gmsh:
