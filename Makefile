@@ -7,8 +7,11 @@ PACKAGES = python3-dolfinx python3-dolfinx-real python3-dolfinx-complex \
   python3-scipy python3-matplotlib python3-pytest \
   libopenblas0-serial gcc libc6-dev openmpi-bin
 
-# Tests read the report in a browser; nothing else needs one.
-TEST_PACKAGES = chromium chromium-driver
+# Tests read the report in a browser and run on all cores; nothing else needs either.
+TEST_PACKAGES = chromium chromium-driver python3-pytest-xdist
+
+# Prints the options that share the tests out among the cores, file by file; nothing where pytest-xdist is missing.
+WORKERS = $(PYTHON) -c 'import xdist' 2>/dev/null && echo -n auto --maxprocesses=8 --dist=loadfile || :
 
 # One thread a process: MPI brings the parallelism, and threads of BLAS beside it only compete for the same cores.
 export OMP_NUM_THREADS ?= 1
@@ -30,14 +33,18 @@ $$sudo apt-get -q update && \
 $$sudo env DEBIAN_FRONTEND=noninteractive apt-get -q install -y --no-install-recommends $$missing
 endef
 
-.PHONY: run test image lint help packages
+.PHONY: run test check image lint help packages
 
 run: packages
 	$(PYTHON) -m drivers verify
 
 test: packages
 	$(call install,$(TEST_PACKAGES))
-	$(PYTHON) -m pytest
+	$(PYTHON) -m pytest -m 'not check' $$($(WORKERS))
+
+check: packages
+	$(call install,$(TEST_PACKAGES))
+	$(PYTHON) -m pytest -m check $$($(WORKERS))
 
 image:
 	@for engine in docker podman; do \
@@ -62,7 +69,8 @@ packages:
 help:
 	@echo 'make        the same as make run'
 	@echo 'make run    install what is missing, rerun SDLS119 and compare the published values'
-	@echo 'make test   install what is missing and a browser for the report, run all tests'
+	@echo 'make test   install what is missing and a browser for the report, run the tests'
+	@echo 'make check  run the longer tests: commands of the documentation, kills, pages of evidence, other processors'
 	@echo 'make image  build the container image uplift with docker or podman'
 	@echo 'make lint   ruff and mypy, in .venv'
 	@echo 'make help   this list'

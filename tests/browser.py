@@ -13,7 +13,11 @@ from contextlib import contextmanager
 import pytest
 
 MISSING = [name for name in ("chromium", "chromedriver") if shutil.which(name) is None]
-needs_browser = pytest.mark.skipif(bool(MISSING), reason=f"not installed: {', '.join(MISSING)} (packages chromium, chromium-driver)")
+WANTING = f"not installed: {', '.join(MISSING)} (packages chromium, chromium-driver)"
+needs_browser = pytest.mark.skipif(bool(MISSING), reason=WANTING)
+
+FOR_EVER = 600
+"""s on the clock after which what has not come will not come; a busy machine needs a few."""
 
 
 class Browser:
@@ -31,7 +35,7 @@ class Browser:
         data = None if body is None else json.dumps(body).encode()
         request = urllib.request.Request(self.base + path, data=data, method=method, headers={"Content-Type": "application/json"})
         try:
-            with urllib.request.urlopen(request, timeout=60) as answer:
+            with urllib.request.urlopen(request, timeout=FOR_EVER) as answer:
                 return json.load(answer)["value"]
         except urllib.error.HTTPError as error:
             with error:
@@ -43,7 +47,7 @@ class Browser:
     def run(self, script, *arguments):
         return self.send("POST", f"{self.session}/execute/sync", {"script": script, "args": list(arguments)})
 
-    def wait(self, script, seconds=20):
+    def wait(self, script, seconds=FOR_EVER):
         end = time.monotonic() + seconds
         while not self.run(script):
             assert time.monotonic() < end, f"still not true after {seconds} s: {script}"
@@ -75,7 +79,7 @@ def browser(folder, width=1280, height=900):
     driver = subprocess.Popen([shutil.which("chromedriver"), f"--port={port}"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     window = None
     try:
-        end = time.monotonic() + 20
+        end = time.monotonic() + FOR_EVER
         while True:
             try:
                 socket.create_connection(("127.0.0.1", port), timeout=1).close()

@@ -2,16 +2,16 @@
 
 import gc
 import sys
-from pathlib import Path
 
 import pytest
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from tests.browser import WANTING
+from tests.process import SCENES, drivers
 from uplift.drivers.scene.scene import read_scene
 
 COMPLEX = issubclass(PETSc.ScalarType, complex)
-SCENES = Path(__file__).parents[1] / "drivers" / "scenes"
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -36,14 +36,25 @@ def pytest_unconfigure(config):
 
 
 def pytest_collection_modifyitems(config, items):
+    """Keep what fits this build and this number of ranks; children that are whole test runs come last, when both cores are free."""
     def fits(item):
         if COMPLEX != (item.get_closest_marker("complex") is not None) and not item.get_closest_marker("both"):
             return False
-        return not (MPI.COMM_WORLD.size > 1 and item.get_closest_marker("serial"))
+        if MPI.COMM_WORLD.size == 1:
+            return True
+        ranks = item.get_closest_marker("ranks")
+        return ranks is not None and MPI.COMM_WORLD.size in (ranks.args or (2,))
 
     kept = [item for item in items if fits(item)]
     config.hook.pytest_deselected(items=[item for item in items if not fits(item)])
-    items[:] = kept
+    items[:] = sorted(kept, key=lambda item: item.path.name in ("test_builds.py", "test_processors.py"))
+
+
+def pytest_terminal_summary(terminalreporter):
+    """Name in one line what needs a browser where there is none."""
+    left_out = sorted(report.nodeid for report in terminalreporter.stats.get("skipped", []) if WANTING in str(report.longrepr))
+    if left_out:
+        terminalreporter.line(f"NOT RUN, {WANTING}: {', '.join(left_out)}")
 
 
 @pytest.fixture(autouse=True)
@@ -71,3 +82,12 @@ def assembly(sdls119a, comm):
 
     with prepare(sdls119a, comm) as prepared:
         yield prepared
+
+
+@pytest.fixture(scope="session")
+def reference_run(tmp_path_factory):
+    """The folder that a run of SDLS119 without options has written, but for its pictures; only to be read."""
+    out = tmp_path_factory.mktemp("sdls119a")
+    done = drivers("run", SCENES / "sdls119a.toml", "--no-plots", "--out", out)
+    assert (done.returncode, done.stderr.count("uplift:")) == (0, 0), done.stderr
+    return out

@@ -13,6 +13,10 @@ class LegendrePlate:
     """
 
     def __init__(self, side, young, poisson, thickness, degree, clamped=False, symmetric=False):
+        """Assemble.
+
+        Many parameters because they are the plate's own: side and thickness in m, Young's modulus in Pa, Poisson's ratio.
+        """
         self.side, self.degree = side, degree
         # A clamped edge: the polynomials times (1 - x2).
         self.bubble = np.array([2 / 3, 0, -2 / 3]) if clamped else np.array([1.0])

@@ -1,22 +1,17 @@
 """What README and docs say: commands run or are at least accepted, tables hold, links resolve, what is named exists."""
 
 import argparse
-import os
 import re
 import shlex
-import subprocess
 import sys
 import tomllib
-from pathlib import Path
 
 import pytest
 
+from tests.process import ROOT, finish, launch
 from uplift.drivers.cli import parser
 from uplift.drivers.evidence.verify import published_values
 
-pytestmark = pytest.mark.serial
-
-ROOT = Path(__file__).parents[1]
 WRITTEN = [ROOT / "README.md", *(ROOT / "docs" / f"{name}.md" for name in ("theory", "verification", "guide", "architecture"))]
 PAGES = sorted({*WRITTEN, *(ROOT / "docs").glob("*.md"), ROOT / "CHANGELOG.md"})
 
@@ -99,10 +94,8 @@ class Shell:
         given = command.replace("/usr/bin/python3", sys.executable)
         if arguments and "--no-plots" in subcommands()[arguments[0]].format_help():
             given += " --no-plots"
-        clean = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_COMM", "PMIX", "PRTE"))}
-        as_root = {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1", "OMP_NUM_THREADS": "1"}
         given = given.replace("mpirun ", "mpirun --oversubscribe ")
-        done = subprocess.run(["bash", "-c", given], cwd=self.folder, env=clean | as_root, capture_output=True, text=True, timeout=120)
+        done = finish(launch(["bash", "-c", given], cwd=self.folder))
         assert done.returncode == 0, f"{command}\n{done.stdout}{done.stderr}"
         self.printed[key] = done.stdout
 
@@ -140,6 +133,7 @@ def same_digits(written, value):
     return abs(float(written) - value) <= 0.5001 * unit
 
 
+@pytest.mark.check
 @pytest.mark.parametrize("page", WRITTEN, ids=lambda page: page.stem)
 def test_commands_run(page, shell):
     for command in commands(page):
@@ -185,6 +179,7 @@ def test_readme_names_every_command():
     assert set(subcommands()) <= named
 
 
+@pytest.mark.check
 @pytest.mark.parametrize("page", WRITTEN[:3], ids=lambda page: page.stem)
 def test_table_of_the_reference_case_holds(page, shell):
     checked = 0
@@ -196,6 +191,7 @@ def test_table_of_the_reference_case_holds(page, shell):
     assert checked == {"README": 5, "theory": 0, "verification": 6}[page.stem]
 
 
+@pytest.mark.check
 def test_published_values_stand_beside_those_of_a_run(shell):
     page, scene = ROOT / "docs" / "verification.md", "run drivers/scenes/sdls119a.toml"
     table = {(row[0], int(row[1]), float(row[2]), row[3]): row[4:6] for row in rows(page, 7) if row[3].startswith("P3.")}
@@ -209,6 +205,7 @@ def test_published_values_stand_beside_those_of_a_run(shell):
             assert same_digits(ours, here[str(item.pass_number), item.time][item.component == "P3.DY"])
 
 
+@pytest.mark.check
 def test_modelisation_b_holds(shell):
     here = displacements(shell.printed_by("run drivers/scenes/sdls119b.toml"))
     table = [row for row in rows(ROOT / "docs" / "verification.md", 5) if re.fullmatch(r"2\.3\d", row[0])]
@@ -219,6 +216,7 @@ def test_modelisation_b_holds(shell):
         assert not share or same_digits(share.rstrip(" %"), values[2])
 
 
+@pytest.mark.check
 def test_table_of_time_steps_holds(shell):
     page = ROOT / "docs" / "guide.md"
     command = next(c for c in commands(page) if " study " in c)

@@ -1,26 +1,24 @@
 """The package as an installer puts it in place: the command `uplift`, called from a folder that is no checkout."""
 
 import importlib.util
-import os
 import shutil
-import subprocess
 import sys
 import tomllib
 from pathlib import Path
 
 import pytest
 
-pytestmark = pytest.mark.serial
+from tests.process import ROOT, finish, launch
 
-ROOT = Path(__file__).parents[1]
+pytestmark = pytest.mark.check
+
 ROOMS = ("meshes", "forms", "solvers", "drivers")
 NEEDED = ("ensurepip", "setuptools", "wheel")
 
 
 def run(*command, cwd):
-    """Run a command without what the tests' own process says about paths and ranks."""
-    clean = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_COMM", "PMIX", "PRTE", "PYTHONPATH", "PETSC_DIR", "SLEPC_DIR"))}
-    return subprocess.run([*map(str, command)], cwd=cwd, env=clean, capture_output=True, text=True, timeout=300)
+    """Run a command that shall not find the checkout."""
+    return finish(launch([*map(str, command)], cwd=cwd, PYTHONPATH=""))
 
 
 @pytest.fixture(scope="module")

@@ -16,8 +16,6 @@ from uplift.meshes.findings import KINDS, SEVERITIES, table
 from uplift.solvers.contact.published_passes import Passes
 from uplift.solvers.history import Ledger
 
-pytestmark = pytest.mark.serial
-
 ROOT = Path(__file__).parents[2]
 SCENE = ROOT / "drivers" / "scenes" / "sdls119a.toml"
 

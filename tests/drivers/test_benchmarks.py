@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from tests.drivers.test_cli import drivers
 from tests.mindlin import LegendrePlate
+from tests.process import child
 from uplift.drivers.evidence.benchmarks import cases as benchmark_cases
 from uplift.drivers.evidence.benchmarks import page as benchmarks
 from uplift.drivers.evidence.benchmarks import vibration as benchmark_vibration
@@ -22,8 +22,8 @@ def runner(comm, folder):
 
 
 @pytest.mark.parametrize("case", [
-    "cantilever", "tensionless_bed",
-    *(pytest.param(case, marks=pytest.mark.serial) for case in ("free_plate", "tapered_membrane", "roof", "clamped_disc")),
+    *(pytest.param(case, marks=pytest.mark.ranks) for case in ("cantilever", "tensionless_bed")),
+    "free_plate", "tapered_membrane", "roof", "clamped_disc",
 ])
 def test_cases_meet_their_targets(case, comm, tmp_path):
     folder = comm.bcast(tmp_path, root=0)
@@ -36,7 +36,6 @@ def test_cases_meet_their_targets(case, comm, tmp_path):
 
 
 @pytest.mark.complex
-@pytest.mark.serial
 @pytest.mark.parametrize("case", ["harmonic", "transient"])
 def test_vibration_meets_its_series(case, comm, tmp_path):
     for outcome in getattr(benchmark_vibration, case)(runner(comm, comm.bcast(tmp_path, root=0))):
@@ -44,7 +43,6 @@ def test_vibration_meets_its_series(case, comm, tmp_path):
             assert check.met, (outcome.mesh, check)
 
 
-@pytest.mark.serial
 def test_the_double_series_is_that_of_thin_plates_where_the_plate_is_thin():
     """Navier's 0.00406 p L4 / D in the middle, and pi / 2 sqrt(D / rho t) (m2 + n2) / L2 Hz."""
     plate = SupportedPlate(10.0, THIN)
@@ -53,7 +51,6 @@ def test_the_double_series_is_that_of_thin_plates_where_the_plate_is_thin():
     assert plate.frequencies(6) == pytest.approx(thin, rel=1e-3)
 
 
-@pytest.mark.serial
 def test_the_step_of_the_series_is_integrated_in_time():
     """The modes of one pair of wave numbers by a Runge-Kutta method on the equations of motion."""
     plate = SupportedPlate(10.0, STEEL, terms=1)
@@ -71,7 +68,6 @@ def test_the_step_of_the_series_is_integrated_in_time():
     assert plate.harmonic(1e6, np.array([40.0]))[0] == pytest.approx(steady, rel=1e-12)
 
 
-@pytest.mark.serial
 @pytest.mark.parametrize("ratio", [0.02, 1.0, 1.0 + 1e-7, 3.0])
 def test_oscillators_of_any_damping_start_at_rest_at_one(ratio):
     times = np.linspace(0.0, 2.0, 41)
@@ -83,7 +79,6 @@ def test_oscillators_of_any_damping_start_at_rest_at_one(ratio):
     assert let_go(5.0, ratio, times) == pytest.approx(exact, abs=1e-8)
 
 
-@pytest.mark.serial
 def test_targets_of_clamped_and_free_plates_by_polynomials():
     """Ritz's method confirms what is printed for the thick clamped plate; the free one settles 0.8 % below the series for mode 9."""
     unit = np.pi / 2 * np.sqrt(200e9 / (12 * 0.91) * 0.1**2 / 8000.0)  # pi2 sqrt(D / rho t) / (2 pi) for L = 1
@@ -94,7 +89,6 @@ def test_targets_of_clamped_and_free_plates_by_polynomials():
     assert free[8] == pytest.approx(7.354, rel=1e-3)
 
 
-@pytest.mark.serial
 def test_the_strip_that_lifts_is_a_beam_on_springs_that_push():
     """The closed form against a long beam of exact cells on fine springs, its contacts settled in turn."""
     from tests.forms.test_lifted_plates import lifted, timoshenko
@@ -111,7 +105,6 @@ def test_the_strip_that_lifts_is_a_beam_on_springs_that_push():
     assert (touching[-1] - touching[0]) * length / cells / 2 == pytest.approx(contact, abs=length / cells)
 
 
-@pytest.mark.serial
 def test_a_value_that_misses_its_limit_is_marked_and_ends_in_code_1(comm, tmp_path, monkeypatch, capsys):
     good, bad = Check("a", "m", 1.009, 1.0), Check("b", "Hz", 1.011, 1.0)
     assert good.met and not bad.met
@@ -129,8 +122,7 @@ def test_a_value_that_misses_its_limit_is_marked_and_ends_in_code_1(comm, tmp_pa
     assert benchmarks.benchmarks(comm, tmp_path / "page.md", quick=True)
 
 
-@pytest.mark.serial
 def test_the_page_may_not_be_a_folder(tmp_path):
-    done = drivers("benchmarks", "--quick", "--out", tmp_path)
+    done = child("benchmarks", "--quick", "--out", tmp_path)
     assert done.returncode == 2 and len(done.stderr.splitlines()) == 1
     assert "is a folder" in done.stderr

@@ -1,22 +1,17 @@
 """Comparison of two runs: norms against numbers that are known, instants that differ, and what users type."""
 
 import csv
-import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tests.browser import browser, needs_browser
+from tests.process import child, drivers
 from uplift.drivers.results.hdf5 import write_results
 from uplift.drivers.results.results import Results, Series
 from uplift.drivers.studies.comparison import compare, comparison_page
 from uplift.meshes.checked import ModelError
 
-pytestmark = pytest.mark.serial
-
-ROOT = Path(__file__).parents[2]
 NAMES = ("a.h5", "b.h5")
 
 
@@ -24,11 +19,6 @@ def made(times, values, names=("P.DX",), unit="m", scene=None, path="probes/disp
     facts = {"title": "made", "method": "transient", "uplift": "exact", "scene": scene or {}}
     series = {path: Series(tuple(names), unit, np.asarray(values).reshape(len(times), -1), "")}
     return Results(facts, "", times, series, {"probes": np.zeros((1, 3))}, ("P",))
-
-
-def drivers(*arguments):
-    command = [sys.executable, "-m", "drivers", *map(str, arguments)]
-    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=60)
 
 
 def test_norms_are_those_of_known_functions():
@@ -109,7 +99,7 @@ def test_the_command(tmp_path):
     times = np.linspace(0, 5, 501)
     for name, factor in (("a b.h5", 1.0), ("é.h5", 1.25)):
         write_results(tmp_path / name, made(times, factor * np.sin(times), scene={"load": {"amplitude": factor}}))
-    done = drivers("compare", tmp_path / "a b.h5", tmp_path / "é.h5", "--out", tmp_path / "out")
+    done = child("compare", tmp_path / "a b.h5", tmp_path / "é.h5", "--out", tmp_path / "out")
     assert (done.returncode, done.stderr) == (0, "")
     assert "load.amplitude: 1.0 -> 1.25" in done.stdout
     (line,) = [line for line in done.stdout.splitlines() if line.startswith("P.DX")]
@@ -178,7 +168,7 @@ def test_report_is_made_again_with_other_damping(tmp_path):
     still = Series(("P.DX",), "m/s2", np.zeros((501, 1)), "")
     moving = {"probes/acceleration": felt, "probes/base": still, "ground/acceleration": zero}
     write_results(tmp_path / "results.h5", Results(run.facts, "", times, run.series | moving, run.points, run.probe_names))
-    done = drivers("report", tmp_path, "--damping", "1", "7.5")
+    done = child("report", tmp_path, "--damping", "1", "7.5")
     assert (done.returncode, done.stdout) == (0, f"{tmp_path / 'report.html'}\n")
     text = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert "1 % damping" in text and "7.5 % damping" in text and "5 % damping" not in text.replace("7.5 % damping", "")

@@ -41,7 +41,6 @@ def test_in_a_basis_it_is_the_same(massless, comm):
     assert relative(reduced.reactions, whole.reactions) < 1e-5
 
 
-@pytest.mark.serial
 def test_events_and_extremes_are_written(massless, comm, tmp_path):
     with prepare(massless, comm) as assembly:
         analysis = analyse(assembly, Request("exact"))

@@ -3,47 +3,41 @@
 import fcntl
 import math
 import os
-import subprocess
-import sys
 import time
-from pathlib import Path
 from threading import Thread
 from types import SimpleNamespace
 
 import pytest
 
+from tests.process import finish, start
 from uplift.drivers.analysis import form_cache as cache
 from uplift.drivers.scene.shipped import shipped
 
-pytestmark = pytest.mark.serial
-
-ROOT = Path(__file__).parents[2]
 RANK_0, RANK_1 = SimpleNamespace(rank=0), SimpleNamespace(rank=1)
 
 
-def start(home, *arguments):
-    environment = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_COMM", "PMIX", "PRTE"))} | {"XDG_CACHE_HOME": str(home)}
-    command = [sys.executable, "-m", "drivers", *map(str, arguments)]
-    return subprocess.Popen(command, cwd=ROOT, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+def begin(home, *arguments):
+    return start("-m", "drivers", *arguments, XDG_CACHE_HOME=str(home))
 
 
 def ended(process):
-    errors = process.communicate(timeout=120)[1]
-    return process.returncode, errors
+    done = finish(process)
+    return done.returncode, done.stderr
 
 
 def check(home):
-    return ended(start(home, "check", shipped()["sdls119a"]))
+    return ended(begin(home, "check", shipped()["sdls119a"]))
 
 
 @pytest.fixture(scope="module")
 def filled(tmp_path_factory):
     """A cache that two runs have filled at once, and how they ended."""
     home = tmp_path_factory.mktemp("cache é")
-    runs = [start(home, "run", shipped()["sdls119a"], "--no-plots", "--quiet", "--out", home / name) for name in "ab"]
+    runs = [begin(home, "run", shipped()["sdls119a"], "--no-plots", "--quiet", "--out", home / name) for name in "ab"]
     return home, [ended(run) for run in runs]
 
 
+@pytest.mark.check
 def test_two_runs_share_an_empty_cache(filled):
     home, ends = filled
     assert ends == [(0, ""), (0, "")]
@@ -81,6 +75,7 @@ def kill(files):
         path.touch()
 
 
+@pytest.mark.check
 @pytest.mark.parametrize("damage", [cut, zero, lose, lose_source, kill])
 def test_a_broken_cache_is_mended(filled, damage):
     home, _ = filled
@@ -88,15 +83,14 @@ def test_a_broken_cache_is_mended(filled, damage):
     forms = sorted(path.name for path in folder.glob("libffcx_*"))
     assert sum(name.endswith(".so") for name in forms) >= 2
     damage(lambda suffix: [path for path in folder.iterdir() if path.suffix == suffix])
-    begin = time.monotonic()
     assert check(home) == (0, "")
-    assert time.monotonic() - begin < 60
     made_again = sorted(path.name for path in folder.glob("libffcx_*"))
     assert made_again == forms
     cache.mend(folder, 0.0)
     assert sorted(path.name for path in folder.glob("libffcx_*")) == made_again
 
 
+@pytest.mark.check
 def test_a_library_that_is_whole_and_no_library_is_named(filled):
     home, _ = filled
     for path in (home / "fenics").glob("*.so"):

@@ -2,26 +2,19 @@
 
 import os
 import random
-import shutil
 import signal
-import subprocess
-import sys
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
 
+from tests.process import SCENE, drivers, finish, start
 from uplift.drivers.analysis.long_runs import identity
 from uplift.drivers.analysis.progress import Progress, line
 from uplift.drivers.scene.request import Request
 from uplift.drivers.scene.scene import read_scene
 from uplift.solvers.checkpoint import write_file
 
-pytestmark = pytest.mark.serial
-
-ROOT = Path(__file__).parents[2]
-SCENE = ROOT / "drivers" / "scenes" / "sdls119a.toml"
 KILLS = int(os.environ.get("UPLIFT_KILLS", "2"))
 """How often each run is killed."""
 
@@ -33,6 +26,8 @@ LONG = {
 }
 """What makes a run of the reference case last a second or two, or ten for many kills."""
 
+INTERRUPTED = {"transient": (("step = 0.005", "step = 0.00005"), ("every = 2", "every = 50"))}
+"""What makes a run last ten seconds, so that it is sure to be under way when a signal comes; it is not run to its end."""
 
 ON_RANKS = {
     "transient": (("step = 0.005", "step = 0.0005"), ("every = 2", "every = 20")),
@@ -51,53 +46,52 @@ def scene_for(method, folder, changes=LONG):
     return path
 
 
-def start(scene, out, *options, ranks=1):
-    launcher = [] if ranks == 1 else [shutil.which("mpirun"), "--oversubscribe", "-n", str(ranks)]
-    environment = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_COMM", "PMIX", "PRTE"))}
-    environment |= {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1", "OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
-    command = [*launcher, sys.executable, "-m", "drivers", "run", str(scene), "--out", str(out), "--no-plots", "--quiet", *options]
-    return subprocess.Popen(command, cwd=ROOT, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+def begin(scene, out, *options, ranks=1):
+    return start("-m", "drivers", "run", scene, "--out", out, "--no-plots", "--quiet", *options, ranks=ranks)
 
 
-def finish(child):
-    _, error = child.communicate(timeout=120)
-    return child.returncode, error
+def end_of(child):
+    done = finish(child)
+    return done.returncode, done.stderr
 
 
 def wait_for_checkpoint(child, folder, newer_than=0.0):
-    end = time.monotonic() + 60
-    while time.monotonic() < end and child.poll() is None:
-        if any(path.stat().st_mtime_ns > newer_than for path in folder.glob("*.h5")):
-            return
+    """Wait until there is one, or the run is over, as it is at the latest when it has used up its processor time."""
+    while child.poll() is None and not any(path.stat().st_mtime_ns > newer_than for path in folder.glob("*.h5")):
         time.sleep(0.01)
 
 
 def killed(scene, out, method, kills, ranks=1):
     """Start a run, kill it `kills` times at random moments after a checkpoint, resuming it; return how often it was."""
     options, random_numbers, done, newest = ["--method", method, "--checkpoint", "0.05"], random.Random(kills), 0, 0
-    for _ in range(kills):
-        child = start(scene, out, *options, *(["--resume"] if newest else []), ranks=ranks)
+    for _ in range(kills + 5):  # a run may come to its end between its checkpoint and the first kill
+        child = begin(scene, out, *options, "--resume" if newest else "--overwrite", ranks=ranks)
         wait_for_checkpoint(child, out / "checkpoint", newest)
         time.sleep(random_numbers.uniform(0, 0.3))
         if child.poll() is not None:
-            finish(child)
-            break
+            end_of(child)
+            if done:
+                break
+            continue
         child.kill()
-        finish(child)
+        end_of(child)
         done += 1
+        if done == kills:
+            break
         newest = max((path.stat().st_mtime_ns for path in (out / "checkpoint").glob("*.h5")), default=newest)
     return done
 
 
+@pytest.mark.check
 @pytest.mark.parametrize("method", LONG)
 def test_killed_at_any_moment_it_ends_in_the_same_bits(method, tmp_path):
     scene = scene_for(method, tmp_path)
-    assert finish(start(scene, tmp_path / "whole", "--method", method)) == (0, "")
+    assert end_of(begin(scene, tmp_path / "whole", "--method", method)) == (0, "")
     kills = killed(scene, tmp_path / "broken", method, KILLS)
     assert kills == KILLS if MANY else kills > 0
     print(f"killed {kills} times")
     if (tmp_path / "broken" / "checkpoint").exists():
-        assert finish(start(scene, tmp_path / "broken", "--method", method, "--resume")) == (0, "")
+        assert end_of(begin(scene, tmp_path / "broken", "--method", method, "--resume")) == (0, "")
     tables = sorted(p.name for p in (tmp_path / "whole").glob("*.csv"))
     assert {"contacts.csv", "history.csv", "reactions.csv"} <= set(tables)
     for name in tables:
@@ -106,20 +100,21 @@ def test_killed_at_any_moment_it_ends_in_the_same_bits(method, tmp_path):
     assert not (tmp_path / "broken" / "checkpoint").exists()
 
 
+@pytest.mark.check
 @pytest.mark.parametrize(("method", "before", "after"), [("transient", 1, 2), ("time-frequency", 2, 1)])
 def test_resumed_on_other_ranks_it_ends_in_the_same_history(method, before, after, tmp_path):
     scene = scene_for(method, tmp_path, ON_RANKS)
     for _ in range(5):  # a run may come to its end between its checkpoint and the signal
-        child = start(scene, tmp_path / "out", "--method", method, "--checkpoint", "0.05", "--overwrite", ranks=before)
+        child = begin(scene, tmp_path / "out", "--method", method, "--checkpoint", "0.05", "--overwrite", ranks=before)
         wait_for_checkpoint(child, tmp_path / "out" / "checkpoint")
         child.terminate()
-        finish(child)
+        end_of(child)
         if list((tmp_path / "out" / "checkpoint").glob("*.h5")):
             break
     assert list((tmp_path / "out" / "checkpoint").glob("*.h5"))
-    code, error = finish(start(scene, tmp_path / "out", "--method", method, "--resume", ranks=after))
+    code, error = end_of(begin(scene, tmp_path / "out", "--method", method, "--resume", ranks=after))
     assert code == 0, error
-    assert finish(start(scene, tmp_path / "whole", "--method", method)) == (0, "")
+    assert end_of(begin(scene, tmp_path / "whole", "--method", method)) == (0, "")
     here, whole = (np.genfromtxt(tmp_path / name / "history.csv", delimiter=",", skip_header=1) for name in ("out", "whole"))
     assert np.max(np.abs(here - whole)[:, 1:3]) < 1e-9 * np.max(np.abs(whole[:, 1:3]))
     assert np.allclose(here[:, 3], whole[:, 3], rtol=1e-12, atol=0.0, equal_nan=True)
@@ -127,32 +122,36 @@ def test_resumed_on_other_ranks_it_ends_in_the_same_history(method, before, afte
 
 @pytest.mark.parametrize(("number", "code", "word"), [(signal.SIGTERM, 143, "terminated"), (signal.SIGINT, 130, "interrupted")])
 def test_a_signal_ends_the_run_with_a_checkpoint_and_one_line(number, code, word, tmp_path):
-    scene, out = scene_for("transient", tmp_path), tmp_path / "out"
-    child = start(scene, out, "--checkpoint", "0.05")
+    scene, out = scene_for("transient", tmp_path, INTERRUPTED), tmp_path / "out"
+    child = begin(scene, out, "--checkpoint", "0.05")
     wait_for_checkpoint(child, out / "checkpoint")
     child.send_signal(number)
-    returned, error = finish(child)
+    returned, error = end_of(child)
     assert returned == code
     assert error.startswith(f"uplift: {scene}: {word} at ") and len(error.splitlines()) == 1
-    steps = 100000 if MANY else 25000
-    assert error.endswith(f"of {steps} steps; checkpoint in {out / 'checkpoint'}; go on with --resume\n")
+    assert error.endswith(f"of 100000 steps; checkpoint in {out / 'checkpoint'}; go on with --resume\n")
+
+
+def refused(out, *options):
+    done = drivers("run", SCENE, "--out", out, "--no-plots", "--quiet", *options)
+    return done.returncode, done.stderr
 
 
 def test_a_checkpoint_of_another_run_or_half_of_one_is_refused_by_name(tmp_path):
     file = tmp_path / "checkpoint" / "march-1.h5"
     file.parent.mkdir()
     write_file(file, {"step": np.array(3)}, "another", "rows")
-    code, error = finish(start(SCENE, tmp_path, "--resume"))
+    code, error = refused(tmp_path, "--resume")
     assert (code, error) == (2, f"uplift: --resume: {file} is a checkpoint of another scene or another method\n")
     file.write_bytes(file.read_bytes()[:-100])
-    code, error = finish(start(SCENE, tmp_path, "--resume"))
+    code, error = refused(tmp_path, "--resume")
     assert code == 2 and error.startswith(f"uplift: --resume: {file} is truncated") and len(error.splitlines()) == 1
     assert file.exists()
 
 
 def test_a_folder_that_cannot_be_written_is_named(tmp_path):
     (tmp_path / "checkpoint").write_text("", encoding="utf-8")
-    code, error = finish(start(SCENE, tmp_path))
+    code, error = refused(tmp_path)
     assert code == 2
     assert error == f"uplift: --checkpoint: cannot write into {tmp_path / 'checkpoint'}: File exists\n"
 

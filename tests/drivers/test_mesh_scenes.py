@@ -121,7 +121,6 @@ PROBE = {"name": "A", "point": [4, 2]}
 WEIGHT = 8 * 4 * 0.5 * 2500 * 9.81
 
 
-@pytest.mark.serial
 @pytest.mark.parametrize("where", [
     {"group": "PILES"}, {"points": ["PILES"]}, {"points": [[0, 0], "TOP", [8, 0], [0, 4]]}, {"group": ["PILES", "TOP"]},
 ])
@@ -132,7 +131,6 @@ def test_groups_of_points_and_names_of_points_hold_a_slab(comm, tmp_path, where)
     assert found["A.DZ"] == pytest.approx(-WEIGHT / 4 * (1 / 1e8 + 1 / 1e12), rel=1e-9)
 
 
-@pytest.mark.serial
 def test_names_of_points_stand_for_forces_and_masses_too(comm, tmp_path):
     force = {"kind": "force", "name": "F", "points": ["PILES"], "force": {"Z": -1e5}}
     masses = [{"name": "M", "points": ["TOP"], "mass": 1e4}]
@@ -141,7 +139,6 @@ def test_names_of_points_stand_for_forces_and_masses_too(comm, tmp_path):
     assert at_rest(scene, comm)["force Z"] == pytest.approx(WEIGHT + 4e5 + 1e4 * 9.81, rel=1e-9)
 
 
-@pytest.mark.serial
 @pytest.mark.parametrize(
     ("change", "key", "words"),
     [
@@ -175,7 +172,6 @@ def doubled_file(folder):
     return {"file": "slab.msh"}
 
 
-@pytest.mark.serial
 @pytest.mark.parametrize("kind", ["bending", "plane stress", "shell"])
 def test_a_slab_at_any_height_answers_as_at_zero(comm, tmp_path, kind):
     stiff = {"stiffness": {"X": 1e8, "Y": 1e8, "Z": 1e8}, "contact": {"X": 1e12, "Y": 1e12, "Z": 1e12}}
@@ -189,7 +185,6 @@ def test_a_slab_at_any_height_answers_as_at_zero(comm, tmp_path, kind):
     assert answers[1] == pytest.approx(answers[0], rel=1e-9) and answers[2] == pytest.approx(answers[0], rel=1e-9)
 
 
-@pytest.mark.serial
 def test_points_and_pictures_of_a_slab_stand_at_its_height(comm, tmp_path):
     from uplift.meshes.gather import gather_mesh
 
@@ -210,7 +205,6 @@ def test_a_slab_rocked_about_an_axis_at_its_height_is_not_shaken_sideways(comm, 
             assert assembly.plate.kind == kind
 
 
-@pytest.mark.serial
 @pytest.mark.parametrize("degree", [None, 1, 3])
 def test_a_second_order_mesh_in_plane_stress_takes_its_own_degree(comm, tmp_path, degree):
     import gmsh
@@ -242,7 +236,6 @@ def test_more_ranks_than_cells_are_refused(comm, tmp_path):
         prepare(scene, comm)
 
 
-@pytest.mark.serial
 def test_the_mesh_that_is_exported_is_the_one_that_runs(comm, tmp_path):
     """A support off the nodes of cells of the first degree, on one of the second, which alone a regular mesh keeps."""
     import meshio
@@ -261,7 +254,6 @@ def test_the_mesh_that_is_exported_is_the_one_that_runs(comm, tmp_path):
     assert np.array_equal(np.unique(again.points.round(9), axis=0), np.unique(whole.points.round(9), axis=0))
 
 
-@pytest.mark.serial
 @pytest.mark.parametrize(
     ("change", "more"),
     [

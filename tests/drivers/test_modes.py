@@ -3,9 +3,6 @@
 import copy
 import csv
 import json
-import os
-import shutil
-import subprocess
 import sys
 from pathlib import Path
 
@@ -13,7 +10,7 @@ import meshio
 import numpy as np
 import pytest
 
-from tests.drivers.test_cli import ROOT, SCENE, drivers
+from tests.process import SCENE, child, drivers
 from uplift.drivers.analysis.assembled_scene import prepare
 from uplift.drivers.analysis.modes import Wanted, find_modes, wanted_modes
 from uplift.drivers.scene.scene import build_scene
@@ -23,12 +20,8 @@ from uplift.meshes.checked import ModelError
 from uplift.solvers.errors import SolverError
 from uplift.solvers.time_domain.march import transient
 
-pytestmark = pytest.mark.serial
-
 FREQUENCIES = [1.8210208051600427, 6.51606067886772, 7.933281514035725]
 """Hz, from an independent dense model of SDLS119."""
-
-CHATTER = ["-W", "error", "-W", "ignore:Could not import numba:ImportWarning"]
 
 
 def read_columns(path):
@@ -53,7 +46,7 @@ def changed(sdls119a, comm):
 
 
 def test_modes_are_tabulated_drawn_and_written_for_paraview(tmp_path):
-    done = drivers("modes", SCENE, "--out", tmp_path, "--quiet", python=CHATTER)
+    done = child("modes", SCENE, "--out", tmp_path, "--quiet")
     assert (done.returncode, done.stderr, done.stdout) == (0, "", "")
     assert sorted(p.name for p in tmp_path.iterdir()) == ["modes.csv", "modes.png", "modes.vtu", "summary.json"]
     columns = read_columns(tmp_path / "modes.csv")
@@ -165,7 +158,7 @@ def test_a_free_plate_is_one_line_and_code_2(tmp_path):
     scene, out = tmp_path / "free.toml", tmp_path / "out"
     kept = [part for part in text.split("\n[") if not part.startswith(("[supports]", "[springs]"))]
     scene.write_text("\n[".join(kept), encoding="utf-8")
-    done = drivers("modes", scene, "--out", out)
+    done = drivers("modes", scene, "--out", out, "--quiet")
     assert done.returncode == 2 and done.stdout == ""
     assert len(done.stderr.splitlines()) == 1
     assert done.stderr.startswith(f"uplift: {scene}: modal: the plate can move without strain")
@@ -173,19 +166,14 @@ def test_a_free_plate_is_one_line_and_code_2(tmp_path):
 
 
 def test_two_ranks_write_the_same_modes(tmp_path):
-    environment = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_COMM", "PMIX", "PRTE"))} | {
-        "OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1", "OMP_NUM_THREADS": "1", "PYTHONPATH": str(ROOT)
-    }
-    command = [shutil.which("mpirun"), "--oversubscribe", "-n", "2", sys.executable, "-m", "mpi4py", "-m", "drivers"]
-    command += ["modes", str(SCENE), "--out", str(tmp_path), "--no-plots", "--quiet"]
-    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=120)
+    done = child("modes", SCENE, "--out", tmp_path, "--no-plots", "--quiet", ranks=2)
     assert done.returncode == 0, done.stderr
     assert read_columns(tmp_path / "modes.csv")["frequency [Hz]"][:3] == pytest.approx(FREQUENCIES, rel=1e-9)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["modes.csv", "modes.vtu", "summary.json"]
 
 
 def test_truncation_is_tabulated(tmp_path):
-    done = drivers("truncation", SCENE, "--out", tmp_path, "--no-plots", python=CHATTER)
+    done = child("truncation", SCENE, "--out", tmp_path, "--no-plots")
     assert done.returncode == 0, done.stderr
     assert sorted(p.name for p in tmp_path.iterdir()) == ["summary.json", "truncation.csv"]
     columns = read_columns(tmp_path / "truncation.csv")

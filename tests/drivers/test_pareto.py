@@ -23,8 +23,6 @@ from uplift.meshes.checked import ModelError
 from uplift.solvers.time_domain.initial import static_state
 from uplift.solvers.time_domain.state import tensions
 
-pytestmark = pytest.mark.serial
-
 
 def trace(value):
     return Trace(np.full((3, 2), value), np.full((3, 1), 2 * value), np.array([value]))

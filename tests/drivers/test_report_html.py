@@ -2,15 +2,13 @@
 
 import json
 import re
-import subprocess
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tests.browser import browser, needs_browser
+from tests.process import SCENE, drivers
 from uplift.drivers.analysis.snapshots import SnapshotData
 from uplift.drivers.report.charts import film_data, loops, outline, thinned, time_map
 from uplift.drivers.report.page import report
@@ -18,28 +16,14 @@ from uplift.drivers.report.words import findings, number, written
 from uplift.drivers.results.hdf5 import read_results
 from uplift.drivers.results.results import Series
 
-pytestmark = pytest.mark.serial
-
-ROOT = Path(__file__).parents[2]
-SCENE = ROOT / "drivers" / "scenes" / "sdls119a.toml"
-
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    out = tmp_path_factory.mktemp("report")
-    command = [sys.executable, "-m", "drivers", "run", str(SCENE), "--out", str(out), "--no-plots", "--quiet"]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=120)
-    assert done.returncode == 0, done.stderr
-    return out
+def results(reference_run):
+    return read_results(reference_run)
 
 
-@pytest.fixture(scope="module")
-def results(folder):
-    return read_results(folder)
-
-
-def test_the_page_loads_nothing(folder):
-    text = (folder / "report.html").read_text(encoding="utf-8")
+def test_the_page_loads_nothing(reference_run):
+    text = (reference_run / "report.html").read_text(encoding="utf-8")
     assert "default-src 'none'" in text
     # The one address in it is the name of SVG's elements.
     assert set(re.findall(r"https?://[^\s\"'<]+", text)) == {"http://www.w3.org/2000/svg"}
@@ -47,10 +31,10 @@ def test_the_page_loads_nothing(folder):
     assert len(text) < 1_000_000
 
 
-def test_the_page_is_made_from_the_results_file_alone(folder, results, tmp_path):
+def test_the_page_is_made_from_the_results_file_alone(reference_run, results, tmp_path):
     alone = tmp_path / "moved.h5"
-    alone.write_bytes((folder / "results.h5").read_bytes())
-    assert report(read_results(alone)) == (folder / "report.html").read_text(encoding="utf-8")
+    alone.write_bytes((reference_run / "results.h5").read_bytes())
+    assert report(read_results(alone)) == (reference_run / "report.html").read_text(encoding="utf-8")
 
 
 def test_texts_of_a_scene_cannot_break_out(results):
@@ -130,8 +114,7 @@ def test_warnings_of_the_log_are_on_the_page(tmp_path):
     text = SCENE.read_text(encoding="utf-8").replace("steps = 10", "steps = 1").replace("step = 1.0 ", "step = 0.01 ")
     scene = tmp_path / "settling.toml"
     scene.write_text(text, encoding="utf-8")
-    command = [sys.executable, "-m", "drivers", "run", str(scene), "--out", str(tmp_path / "out"), "--no-plots", "--quiet"]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=120)
+    done = drivers("run", scene, "--out", tmp_path / "out", "--no-plots", "--quiet")
     assert done.returncode == 0 and "away from the state of rest" in done.stderr
     (heard,) = (finding["text"] for finding in read_results(tmp_path / "out").facts["findings"])
     assert heard in done.stderr
@@ -143,9 +126,9 @@ SHAPES = "return Array.from(document.querySelectorAll('figure svg.chart')).map(s
 
 
 @needs_browser
-def test_in_a_browser(folder, results, tmp_path):
+def test_in_a_browser(reference_run, results, tmp_path):
     with browser(tmp_path / "profile") as window:
-        window.open(folder / "report.html")
+        window.open(reference_run / "report.html")
         window.wait("return document.documentElement.dataset.ready === 'yes'")
         text = window.run("return document.body.innerText")
         assert window.run("return document.title") == results.facts["title"]
@@ -201,6 +184,14 @@ def test_in_a_browser(folder, results, tmp_path):
         # The click has moved the film there.
         shown = results.times[results.plate.rows[int(window.run("return document.getElementById('film').dataset.frame"))]]
         assert abs(shown - 2.5) == np.min(np.abs(results.times[results.plate.rows] - 2.5)) < 0.02
+        assert window.complaints() == []
+
+
+@needs_browser
+def test_the_page_fits_every_screen_and_paper(reference_run, tmp_path):
+    with browser(tmp_path / "profile") as window:
+        window.open(reference_run / "report.html")
+        window.wait("return document.documentElement.dataset.ready === 'yes'")
         for width in (1280, 820, 390):
             window.resize(width, 900)
             window.wait("return document.querySelector('#chart-ground svg.chart') !== null")

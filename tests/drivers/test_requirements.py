@@ -32,7 +32,6 @@ def test_gmsh_that_cannot_be_loaded_is_named(what, tmp_path, monkeypatch):
         pass
 
 
-@pytest.mark.serial
 def test_a_run_without_a_system_library_of_gmsh_ends_in_one_line(tmp_path):
     (tmp_path / "gmsh.py").write_text(MISSING["library"][0])
     program = f"import sys; sys.path.insert(0, {str(tmp_path)!r}); from uplift.drivers.cli import main; sys.exit(main(sys.argv[1:]))"

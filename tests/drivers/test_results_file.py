@@ -2,15 +2,13 @@
 
 import csv
 import json
-import subprocess
-import sys
-from pathlib import Path
 
 import h5py
 import meshio
 import numpy as np
 import pytest
 
+from tests.process import ROOT, SCENE, drivers, finish, start
 from uplift.drivers.analysis.analyse import analyse
 from uplift.drivers.analysis.snapshots import Snapshots
 from uplift.drivers.results.contact_lines import contact_lines
@@ -21,21 +19,10 @@ from uplift.drivers.scene.request import Request
 from uplift.meshes.checked import ModelError
 from uplift.solvers.spectra import second_differences
 
-ROOT = Path(__file__).parents[2]
-SCENE = ROOT / "drivers" / "scenes" / "sdls119a.toml"
-
 
 def run(*arguments):
-    done = subprocess.run([sys.executable, "-m", "drivers", "run", *map(str, arguments), "--no-plots"], cwd=ROOT, capture_output=True,
-                          text=True, timeout=240)
+    done = drivers("run", *arguments, "--no-plots")
     assert done.returncode == 0, done.stderr
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    out = tmp_path_factory.mktemp("transient")
-    run(SCENE, "--out", out)
-    return out
 
 
 def columns(path):
@@ -44,12 +31,11 @@ def columns(path):
     return rows[0], np.array(rows[1:], dtype=float)
 
 
-@pytest.mark.serial
-def test_histories_are_those_of_the_tables_with_units(folder):
-    _, history = columns(folder / "history.csv")
-    _, contacts = columns(folder / "contacts.csv")
-    _, energy = columns(folder / "energy.csv")
-    with h5py.File(folder / "results.h5") as file:
+def test_histories_are_those_of_the_tables_with_units(reference_run):
+    _, history = columns(reference_run / "history.csv")
+    _, contacts = columns(reference_run / "contacts.csv")
+    _, energy = columns(reference_run / "energy.csv")
+    with h5py.File(reference_run / "results.h5") as file:
         assert file.attrs["format"] == "uplift results" and file.attrs["units"] == "SI"
         assert file["scene"].asstr()[()] == SCENE.read_text(encoding="utf-8")
         assert json.loads(file["facts"].asstr()[()])["dofs"] == 100
@@ -69,9 +55,8 @@ def test_histories_are_those_of_the_tables_with_units(folder):
                 assert "unit" in item.attrs, key
 
 
-@pytest.mark.serial
-def test_the_file_is_read_as_it_was_written(folder):
-    results = read_results(folder)
+def test_the_file_is_read_as_it_was_written(reference_run):
+    results = read_results(reference_run)
     assert results.name.endswith("(transient, uplift exact)")
     assert results.step == pytest.approx(0.01, rel=1e-12)
     names, absolute = floor_acceleration(results.series)
@@ -91,16 +76,14 @@ def test_the_file_is_read_as_it_was_written(folder):
     assert np.array_equal(other.spectra.acceleration, results.spectra.acceleration[1:2])
 
 
-@pytest.mark.serial
-def test_line_forces_add_up_to_the_contact_forces(folder):
-    series = read_results(folder).series
+def test_line_forces_add_up_to_the_contact_forces(reference_run):
+    series = read_results(reference_run).series
     line = series["contacts/line force/RESS"]
     assert line.unit == "N/m"
     total = line.values @ np.array([0.5, 1.0, 1.0, 1.0, 0.5])
     assert total == pytest.approx(series["contacts/force"].values.sum(axis=1), rel=1e-12)
 
 
-@pytest.mark.serial
 def test_lines_of_contacts():
     points = np.array([[3.0, 1.0], [0.0, 1.0], [1.0, 1.0], [0.0, 0.0], [1.0, 0.5], [5.0, 5.0], [0.0, 0.0], [0.0, 0.0]])
     groups = {"row": np.array([0, 1, 2]), "bent": np.array([3, 4, 5]), "one": np.array([3]), "twice": np.array([6, 7])}
@@ -109,10 +92,9 @@ def test_lines_of_contacts():
     assert line.position == pytest.approx([0, 1, 3]) and line.share == pytest.approx([0.5, 1.5, 1.0])
 
 
-@pytest.mark.serial
-def test_film_opens_with_meshio(folder):
-    results = read_results(folder)
-    with meshio.xdmf.TimeSeriesReader(folder / "film.xdmf") as reader:
+def test_film_opens_with_meshio(reference_run):
+    results = read_results(reference_run)
+    with meshio.xdmf.TimeSeriesReader(reference_run / "film.xdmf") as reader:
         points, cells = reader.read_points_cells()
         assert len(points) == 45 and cells[0].type == "quad" and len(cells[0].data) == 32
         corner = int(np.argmin(np.linalg.norm(points - [4, 8, 0], axis=1)))
@@ -127,12 +109,11 @@ def test_film_opens_with_meshio(folder):
             assert here[:2] == pytest.approx(results.series["probes/displacement"].values[row], rel=1e-7)
 
 
-@pytest.mark.serial
-def test_fields_open_with_meshio(folder):
-    results = read_results(folder)
+def test_fields_open_with_meshio(reference_run):
+    results = read_results(reference_run)
     probes = results.series["probes/displacement"].values
     for name, suffix in (("deformed.vtu", " [m]"), ("deformed.med", "")):
-        mesh = meshio.read(folder / name)
+        mesh = meshio.read(reference_run / name)
         corner = int(np.argmin(np.linalg.norm(mesh.points - [4, 8, 0], axis=1)))
         assert mesh.point_data[f"displacement{suffix}"][corner, :2] == pytest.approx(probes[np.argmax(np.max(np.abs(probes), axis=1))])
         # Every archived instant counts in the envelope, not only the frames.
@@ -141,15 +122,12 @@ def test_fields_open_with_meshio(folder):
     assert results.plate.watched == 501
 
 
-@pytest.mark.serial
-def test_the_tour_of_a_results_file_runs(folder):
-    command = [sys.executable, "-W", "error", str(ROOT / "docs" / "read_results.py"), str(folder)]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=60)
+def test_the_tour_of_a_results_file_runs(reference_run, tmp_path):
+    done = finish(start("-W", "error", ROOT / "docs" / "read_results.py", reference_run, cwd=tmp_path))
     assert done.returncode == 0, done.stderr
     assert "P3.DX: -6.404" in done.stdout and "first opening at t =" in done.stdout and "45 nodes, 200 frames" in done.stdout
 
 
-@pytest.mark.serial
 def test_nine_node_cells_open_too(tmp_path):
     text = SCENE.read_text(encoding="utf-8").replace("degree = 1", "degree = 2").replace("duration = 5.0", "duration = 0.1")
     scene = tmp_path / "nine.toml"
@@ -162,7 +140,6 @@ def test_nine_node_cells_open_too(tmp_path):
     assert med.cells[0].type == "quad" and len(med.points) == 45
 
 
-@pytest.mark.serial
 def test_a_sweep_leaves_its_complex_field_as_modulus_and_phase(tmp_path):
     run(SCENE, "--out", tmp_path, "--method", "time-frequency", "--iterations", "1")
     mesh = meshio.read(tmp_path / "amplitude.vtu")
@@ -177,21 +154,19 @@ def test_a_sweep_leaves_its_complex_field_as_modulus_and_phase(tmp_path):
     assert np.abs(here - spectrum[strongest]) == pytest.approx(0.0, abs=1e-12 * np.abs(spectrum).max())
 
 
-@pytest.mark.serial
 def test_real_fields_stay_as_they_are():
     values = np.array([[1.0, -2.0, 0.0]])
     assert real_fields("u", values)["u"] is values
 
 
-@pytest.mark.serial
-def test_other_files_are_refused_in_one_line(tmp_path, folder):
+def test_other_files_are_refused_in_one_line(tmp_path, reference_run):
     text = tmp_path / "text.h5"
     text.write_text("no", encoding="utf-8")
     other, newer, damaged = (tmp_path / f"{name}.h5" for name in ("other", "newer", "damaged"))
     with h5py.File(other, "w"):
         pass
     for path, damage in ((newer, lambda file: file.attrs.__setitem__("version", 99)), (damaged, lambda file: file.pop("times"))):
-        path.write_bytes((folder / "results.h5").read_bytes())
+        path.write_bytes((reference_run / "results.h5").read_bytes())
         with h5py.File(path, "r+") as file:
             damage(file)
     for path, words in (
@@ -204,7 +179,7 @@ def test_other_files_are_refused_in_one_line(tmp_path, folder):
 
 
 @pytest.mark.both
-@pytest.mark.parametrize("passes", [None, 2])
+@pytest.mark.parametrize("passes", [pytest.param(None, marks=pytest.mark.ranks), 2])
 def test_film_shows_what_the_probes_record(assembly, passes):
     snapshots = Snapshots(assembly)
     analysis = analyse(assembly, Request("transient", passes), snapshots)
@@ -220,7 +195,6 @@ def test_film_shows_what_the_probes_record(assembly, passes):
     assert snapshot_data.peak[0, corner, :2] == pytest.approx(probes[analysis.final.peak], rel=1e-12)
 
 
-@pytest.mark.serial
 def test_a_large_model_has_fewer_frames_or_none(assembly, monkeypatch):
     snapshots = Snapshots(assembly)
     snapshots.start(501)

@@ -11,8 +11,6 @@ from uplift.drivers.evidence.scaling.scaling import LAYOUTS, Measured, in_child,
 from uplift.drivers.scene.scene import read_scene
 from uplift.meshes.checked import ModelError
 
-pytestmark = pytest.mark.serial
-
 
 def test_slope_is_the_exponent():
     assert slope([10, 100, 1000], [2.0 * n**1.25 for n in (10, 100, 1000)]) == pytest.approx(1.25)

@@ -1,15 +1,12 @@
 """The commands check and new."""
 
 import json
-import os
 import re
-import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 
+from tests.process import SCENE, child, drivers
 from uplift.drivers.analysis.check import check_scene
 from uplift.drivers.analysis.memory import GIB, expected_bytes
 from uplift.drivers.scene.cautions import scene_cautions
@@ -18,18 +15,9 @@ from uplift.drivers.scene.scene import read_scene
 from uplift.drivers.scene.shipped import new_scene, shipped
 from uplift.meshes.checked import ModelError
 
-ROOT = Path(__file__).parents[2]
-SCENE = ROOT / "drivers" / "scenes" / "sdls119a.toml"
-
 
 def texts(scene, method=""):
     return [finding.text for finding in scene_cautions(scene, method)]
-
-
-def drivers(*arguments):
-    clean = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_COMM", "PMIX", "PRTE"))}
-    command = [sys.executable, "-m", "drivers", *map(str, arguments)]
-    return subprocess.run(command, cwd=ROOT, env=clean, capture_output=True, text=True, timeout=120)
 
 
 def scene_of(tmp_path, text):
@@ -38,6 +26,7 @@ def scene_of(tmp_path, text):
     return read_scene(path)
 
 
+@pytest.mark.ranks
 def test_check_says_what_the_scene_is(comm, sdls119a):
     text = "\n".join(check_scene(sdls119a, comm, mesh=True))
     assert "rectangle of 4 m x 8 m, 4 x 8 quadrilaterals" in text
@@ -65,9 +54,8 @@ def test_check_finds_what_only_the_mesh_knows(comm, tmp_path):
         check_scene(scene, comm, mesh=True)
 
 
-@pytest.mark.serial
 def test_check_on_the_command_line(tmp_path):
-    done = drivers("check", SCENE)
+    done = child("check", SCENE)
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout.splitlines()[0].startswith("title ")
     bad = tmp_path / "bad scène.toml"
@@ -77,9 +65,8 @@ def test_check_on_the_command_line(tmp_path):
     assert done.stderr == f"uplift: {bad}: plate.thickness: missing; expected a number (found 'thicknes': did you mean 'thickness'?)\n"
 
 
-@pytest.mark.serial
 def test_new_copies_a_shipped_scene_once(tmp_path):
-    done = drivers("new", tmp_path / "mon essai é", "--from", "raft")
+    done = child("new", tmp_path / "mon essai é", "--from", "raft")
     assert done.returncode == 0, done.stderr
     made = tmp_path / "mon essai é.toml"
     assert made.read_bytes() == shipped()["raft"].read_bytes()
@@ -133,7 +120,6 @@ def test_share_of_energy_above_the_limit_is_that_of_the_wavelet(tmp_path):
     assert float(found[1]) == pytest.approx(100 * share, abs=1.0)  # frequencies 0.2 Hz apart, and whole percents
 
 
-@pytest.mark.serial
 def test_what_a_static_run_leaves_out_is_said(tmp_path):
     text = SCENE.read_text(encoding="utf-8")
     force = '[[load]]\nkind = "force"\nname = "{}"\npoints = ["P3"]\nforce = {{ X = 1.0 }}\n'
@@ -150,10 +136,9 @@ def test_what_a_static_run_leaves_out_is_said(tmp_path):
     assert summary["findings"] == [{"key": "scene", "severity": "doubt", "text": words}]
 
 
-@pytest.mark.serial
 def test_a_warning_is_printed_once_though_the_process_begins_again(tmp_path):
     (tmp_path / "scene.toml").write_text(SCENE.read_text(encoding="utf-8").replace("duration = 5.0 ", "duration = 1.5 "), encoding="utf-8")
-    done = drivers("run", tmp_path / "scene.toml", "--method", "time-frequency", "--quiet", "--no-plots", "--out", tmp_path / "out")
+    done = child("run", tmp_path / "scene.toml", "--method", "time-frequency", "--quiet", "--no-plots", "--out", tmp_path / "out")
     assert done.returncode == 0 and done.stderr.count("misses") == 1, done.stderr
 
 

@@ -1,15 +1,12 @@
 """Signals, points and bases that scene files ask for."""
 
 import json
-import os
 import re
-import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 
+from tests.process import SCENES, drivers
 from uplift.drivers.analysis.analyse import analyse
 from uplift.drivers.analysis.assembled_scene import prepare
 from uplift.drivers.scene.cautions import scene_cautions
@@ -17,8 +14,6 @@ from uplift.drivers.scene.request import Request
 from uplift.drivers.scene.scene import read_scene
 from uplift.meshes.checked import ModelError
 
-ROOT = Path(__file__).parents[2]
-SCENES = ROOT / "drivers" / "scenes"
 SDLS = (SCENES / "sdls119a.toml").read_text(encoding="utf-8")
 RAFT = (SCENES / "raft.toml").read_text(encoding="utf-8")
 BEFORE_LOAD, AFTER_LOAD = SDLS.split("[load]")[0], "[[supports]]" + SDLS.split("[[supports]]")[1]
@@ -204,16 +199,13 @@ def test_basis_is_read_and_checked(tmp_path):
         scene_of(tmp_path, SDLS + "[basis]\ntolerence = 1.0\n")
 
 
-@pytest.mark.serial
 def test_section_basis_is_used_and_overruled(tmp_path):
     scene = tmp_path / "scène.toml"
     scene.write_text(SDLS + '[basis]\ntolerance = 1e-5\nband = 30.0\nfile = "la base.h5"\n', encoding="utf-8")
-    clean = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_COMM", "PMIX", "PRTE"))}
     bases = []
     for number, options in enumerate(([], [], ["--basis", "1e-4"], ["--basis", "none"], ["--method", "modal"])):
         out = tmp_path / f"out {number}"
-        command = [sys.executable, "-m", "drivers", "run", str(scene), "--out", str(out), "--no-plots", "--quiet", *options]
-        done = subprocess.run(command, cwd=ROOT, env=clean, capture_output=True, text=True, timeout=120)
+        done = drivers("run", scene, "--out", out, "--no-plots", "--quiet", *options)
         assert (done.returncode, done.stderr) == (0, "")
         bases.append(json.loads((out / "summary.json").read_text(encoding="utf-8")).get("basis"))
     assert (bases[0]["tolerance"], bases[0]["band_Hz"]) == (1e-5, 30.0)

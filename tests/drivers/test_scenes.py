@@ -37,7 +37,7 @@ def agreement(scene, comm, requests):
 
 
 @pytest.mark.complex
-@pytest.mark.parametrize("name", ["raft", "box"])
+@pytest.mark.parametrize("name", [pytest.param("raft", marks=pytest.mark.ranks), "box"])
 def test_transient_and_sweep_agree(name, comm):
     lifted, ((motion, force),) = agreement(shortened(name), comm, [Request("transient"), Request("time-frequency")])
     assert lifted > 1e3
@@ -45,7 +45,7 @@ def test_transient_and_sweep_agree(name, comm):
     assert motion < 1e-8 and force < 1e-7
 
 
-@pytest.mark.parametrize("name", ["raft", "box"])
+@pytest.mark.parametrize("name", ["raft", pytest.param("box", marks=pytest.mark.ranks)])
 def test_transient_and_modes_agree(name, comm):
     """Modes with static answers agree to what lies above the frequency that they end at."""
     lifted, ((motion, force),) = agreement(shortened(name), comm, [Request("transient"), Request("modal")])
@@ -53,6 +53,7 @@ def test_transient_and_modes_agree(name, comm):
     assert motion < 1e-3 and force < 1e-2
 
 
+@pytest.mark.ranks
 def test_transient_and_basis_agree(comm):
     requests = [Request("transient"), Request("transient", basis=1e-7), Request("time-frequency", basis=1e-7)]
     lifted, (basis, sweep) = agreement(shortened("raft"), comm, requests)

@@ -4,13 +4,10 @@ from dataclasses import replace
 from math import atan2
 
 import numpy as np
-import pytest
 
 from uplift.drivers.analysis.assembled_scene import Analysis, prepare
 from uplift.drivers.analysis.small_displacements import say_large_displacements
 from uplift.drivers.scene.scene import build_scene
-
-pytestmark = pytest.mark.serial
 
 BLOCK = {
     "mesh": {"width": 2.0, "height": 8.0, "nx": 2, "ny": 8}, "plate": {"young": 3e13, "poisson": 0.0, "density": 2500.0, "thickness": 1.0},

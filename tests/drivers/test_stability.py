@@ -2,17 +2,14 @@
 
 import csv
 import itertools
-import os
-import subprocess
-import sys
 import tomllib
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from mpi4py import MPI
 
+from tests.process import SCENE, child
 from tests.small import quadrilateral_matrices, to_dense
 from uplift.drivers.analysis.assembled_scene import prepare
 from uplift.drivers.evidence.stability import laws, table
@@ -22,11 +19,6 @@ from uplift.drivers.evidence.stability.oracle import EXTENDED, DensePlate, compl
 from uplift.drivers.evidence.stability.page import Row, csv_text, page
 from uplift.drivers.evidence.stability.refusals import methods, refusals, windows
 from uplift.solvers.time_domain.scheme import Scheme
-
-pytestmark = pytest.mark.serial
-
-ROOT = Path(__file__).parents[2]
-SCENE = ROOT / "drivers" / "scenes" / "sdls119a.toml"
 
 
 def bench(**fault):
@@ -44,12 +36,10 @@ def case_named(name):
     return next(case for case in table.cases(quick=False) if case.name == name)
 
 
+@pytest.mark.check
 def test_quick_table_writes_page_and_figures(tmp_path):
     out = tmp_path / "new" / "page.md"
-    python = [sys.executable, "-W", "error", "-W", "ignore:Could not import numba:ImportWarning"]
-    command = [*python, "-m", "drivers", "stability", "--quick", "--quiet"]
-    clean = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_COMM", "PMIX", "PRTE"))}
-    done = subprocess.run([*command, "--out", str(out)], cwd=ROOT, env=clean, capture_output=True, text=True, timeout=240)
+    done = child("stability", "--quick", "--quiet", "--out", out)
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
     text = out.read_text(encoding="utf-8")
     with (out.parent / "page.csv").open(encoding="utf-8") as file:

@@ -7,16 +7,15 @@ import h5py
 import numpy as np
 import pytest
 
-from tests.drivers.test_cli import SCENE, WARNINGS_ARE_ERRORS, drivers, read_history
+from tests.drivers.test_cli import read_history
+from tests.process import SCENE, child, drivers
 from uplift.drivers.scene.scene import read_scene
 from uplift.drivers.scene.vary import cases_of, changed, variation
 from uplift.meshes.checked import ModelError
 
-pytestmark = pytest.mark.serial
-
 
 def run(tmp_path, name, *options):
-    done = drivers("run", SCENE, *options, "--no-plots", "--quiet", "--out", tmp_path / name, python=WARNINGS_ARE_ERRORS)
+    done = drivers("run", SCENE, *options, "--no-plots", "--quiet", "--out", tmp_path / name)
     assert (done.returncode, done.stdout) == (0, ""), done.stderr
     return read_history(tmp_path / name / "history.csv")[1]
 
@@ -61,7 +60,7 @@ def test_a_study_gives_the_extremes_of_its_runs(tmp_path):
     # Ten settling steps do not bring a plate to rest that has to fall onto its supports first.
     text = SCENE.read_text(encoding="utf-8").replace('start = "settled"', 'start = "static"')
     (tmp_path / "static.toml").write_text(text, encoding="utf-8")
-    done = drivers("study", tmp_path / "static.toml", *vary, "--out", out, python=WARNINGS_ARE_ERRORS)
+    done = child("study", tmp_path / "static.toml", *vary, "--out", out)
     assert done.returncode == 0, done.stderr
     assert "4 cases on 1 bases" in done.stdout
     assert sorted(p.name for p in out.iterdir()) == ["study.csv", "study.png", "summary.json"]

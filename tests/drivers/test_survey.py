@@ -2,15 +2,12 @@
 
 import copy
 import math
-import os
-import subprocess
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
+from tests.process import SCENE, child
 from tests.small import history_of
 from uplift.drivers.analysis.analyse import analyse
 from uplift.drivers.analysis.assembled_scene import prepare
@@ -24,17 +21,6 @@ from uplift.forms.loads.signals import Ricker
 from uplift.meshes.checked import ModelError
 from uplift.solvers.contact.published_passes import Passes
 
-pytestmark = pytest.mark.serial
-
-ROOT = Path(__file__).parents[2]
-SCENE = ROOT / "drivers" / "scenes" / "sdls119a.toml"
-
-
-def drivers(*arguments):
-    command = [sys.executable, "-W", "error", "-W", "ignore:Could not import numba:ImportWarning", "-m", "drivers", *map(str, arguments)]
-    clean = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_COMM", "PMIX", "PRTE"))}
-    return subprocess.run(command, cwd=ROOT, env=clean, capture_output=True, text=True, timeout=120)
-
 
 def rows(page, heading):
     """Return the cells of the first table under a heading by the first of them."""
@@ -43,9 +29,10 @@ def rows(page, heading):
     return {cells[0]: cells[1:] for cells in ([cell.strip() for cell in line.strip("|").split("|")] for line in lines)}
 
 
+@pytest.mark.check
 def test_quick_survey_writes_its_page(tmp_path):
     out = tmp_path / "new folder" / "page.md"
-    done = drivers("survey", "--quick", "--quiet", "--out", out)
+    done = child("survey", "--quick", "--quiet", "--out", out)
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
     assert [path.name for path in out.parent.iterdir()] == ["page.md"]
     page = out.read_text(encoding="utf-8")
@@ -76,9 +63,9 @@ def test_bad_input_is_code_2(tmp_path):
     text = SCENE.read_text(encoding="utf-8")
     scene = tmp_path / "scene.toml"
     scene.write_text(text.split("[fourier]")[0], encoding="utf-8")
-    done = drivers("survey", scene, "--out", tmp_path / "page.md")
+    done = child("survey", scene, "--out", tmp_path / "page.md")
     assert done.returncode == 2 and done.stderr.startswith(f"uplift: {scene}: fourier: missing; the survey needs")
-    done = drivers("survey", "--out", tmp_path)
+    done = child("survey", "--out", tmp_path)
     assert done.returncode == 2 and "expected the name of a file" in done.stderr
 
 

@@ -3,7 +3,6 @@ import pytest
 from uplift.drivers.evidence import verify as module
 
 
-@pytest.mark.serial
 @pytest.mark.complex
 def test_verify_fails_when_a_value_misses(tmp_path, monkeypatch, comm, capsys):
     """The comparison is not a formality: with another published value it fails and marks the row."""

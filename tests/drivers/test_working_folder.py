@@ -11,8 +11,6 @@ import pytest
 from uplift.drivers.analysis.form_cache import see_trusted
 from uplift.meshes.checked import ModelError
 
-pytestmark = pytest.mark.serial
-
 ROOT = Path(__file__).parents[2]
 SCENE = ROOT / "drivers" / "scenes" / "sdls119a.toml"
 

@@ -14,8 +14,6 @@ from uplift.drivers.results.folder import all_or_nothing
 from uplift.meshes.checked import ModelError
 from uplift.solvers.whole_file import whole_file
 
-pytestmark = pytest.mark.serial
-
 ROOT = Path(__file__).parents[2]
 SCENE = ROOT / "drivers" / "scenes" / "sdls119a.toml"
 CLEAN = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_COMM", "PMIX", "PRTE"))}

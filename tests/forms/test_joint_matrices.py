@@ -14,8 +14,6 @@ from uplift.forms.parameters import Mass, PlateModel
 from uplift.forms.shells.material import Material
 from uplift.meshes.checked import ModelError
 
-pytestmark = pytest.mark.serial
-
 FEET = ((0.0, 0.0), (2.0, 0.0))
 MODEL = PlateModel(
     Material(young=1.0, poisson=0.0, density=1.0, thickness=1.0),

@@ -96,6 +96,7 @@ def test_no_more_dofs_and_forms_than_a_scene_needs(comm, monkeypatch):
             assert len(compiled) == forms
 
 
+@pytest.mark.ranks
 def test_sdls119_as_a_shell_gives_the_same_digits(comm, sdls119a):
     from uplift.drivers.analysis.analyse import analyse
     from uplift.drivers.scene.request import Request

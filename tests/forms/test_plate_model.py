@@ -20,6 +20,7 @@ def bare(scene, plate=None, **model):
     return replace(scene, plate=plate or scene.plate, model=replace(scene.model, **model))
 
 
+@pytest.mark.ranks
 def test_reference_case_has_100_dofs_and_its_mass(assembly):
     assert assembly.operators.n == 100
     # 4 m x 8 m x 1 m of 2500 kg/m3 and five joints of 0.1 kg; a sum of some 50 terms keeps 14 digits.
@@ -27,6 +28,7 @@ def test_reference_case_has_100_dofs_and_its_mass(assembly):
     assert assembly.plate.joint_mass == pytest.approx(0.5, rel=1e-15)
 
 
+@pytest.mark.ranks
 def test_weight_and_ground_motion_are_mass_times_acceleration(assembly):
     gravity, motion = assembly.operators.loads
     dense = to_dense(assembly.operators.mass)
@@ -41,6 +43,7 @@ def test_weight_and_ground_motion_are_mass_times_acceleration(assembly):
 
 
 @pytest.mark.both
+@pytest.mark.ranks(2, 3)
 def test_static_answer_of_the_reference_case(assembly):
     with static_state(assembly.operators) as state:
         outputs = assembly.operators.outputs
@@ -55,6 +58,7 @@ def test_static_answer_of_the_reference_case(assembly):
     assert np.allclose(tension, tension[::-1], rtol=1e-9)
 
 
+@pytest.mark.ranks
 def test_matrices_are_symmetric(assembly):
     operators = assembly.operators
     for matrix in (operators.stiffness, operators.mass, operators.damping):
@@ -63,6 +67,7 @@ def test_matrices_are_symmetric(assembly):
     assert np.linalg.eigvalsh(to_dense(operators.mass)).min() > 0
 
 
+@pytest.mark.ranks(2, 3)
 def test_matrices_equal_a_hand_written_element(sdls119a, comm):
     scene = bare(sdls119a, Plate(1.0, 2.0, 1, 1), supports=(), springs=(), probes=(Probe("P3", (1.0, 2.0)),))
     with prepare(scene, comm) as assembly:
@@ -77,6 +82,7 @@ def test_matrices_equal_a_hand_written_element(sdls119a, comm):
             assert np.max(np.abs(to_dense(matrix) - dense[np.ix_(dofs, dofs)])) < 1e-14 * np.max(np.abs(dense))
 
 
+@pytest.mark.ranks
 def test_damping_is_that_of_the_plate_alone(assembly):
     operators, material = assembly.operators, assembly.scene.model.material
     bare_scene = bare(assembly.scene, supports=(), springs=())
@@ -90,6 +96,7 @@ def test_damping_is_that_of_the_plate_alone(assembly):
     assert np.max(np.abs(np.sort(here)[:10])) < 1e-6 * there.min() + 1e-9 * there.max()
 
 
+@pytest.mark.ranks
 def test_undamped_scene_has_no_damping_matrix(sdls119a, comm):
     scene = bare(sdls119a, material=replace(sdls119a.model.material, alpha=0.0, beta=0.0))
     with prepare(scene, comm) as assembly:
@@ -98,6 +105,7 @@ def test_undamped_scene_has_no_damping_matrix(sdls119a, comm):
 
 @pytest.mark.parametrize("cell", ["quadrilateral", "triangle"])
 @pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.ranks
 def test_uniform_tension_is_exact_on_every_mesh(sdls119a, comm, cell, degree):
     """Patch test: a linear displacement field costs the strain energy of its constant stress."""
     scene = bare(sdls119a, Plate(4.0, 8.0, 3, 5, cell, degree), supports=(), springs=())
@@ -117,6 +125,7 @@ def test_uniform_tension_is_exact_on_every_mesh(sdls119a, comm, cell, degree):
         force.destroy()
 
 
+@pytest.mark.ranks
 def test_rigid_motions_cost_no_energy(sdls119a, comm):
     scene = bare(sdls119a, supports=(), springs=())
     with prepare(scene, comm) as assembly:
@@ -131,6 +140,7 @@ def test_rigid_motions_cost_no_energy(sdls119a, comm):
             force.destroy()
 
 
+@pytest.mark.ranks(2, 3)
 def test_probe_between_nodes_interpolates(sdls119a, comm):
     probes = (Probe("A", (1.3, 2.6)), Probe("B", (4.0, 8.0)))
     with prepare(bare(sdls119a, probes=probes), comm) as assembly:
@@ -152,11 +162,13 @@ def test_probe_between_nodes_interpolates(sdls119a, comm):
         ({"probes": (Probe("Q", (4.5, 1.0)),)}, r"probes: probe Q at \(4.5, 1\) m lies outside the plate"),
     ],
 )
+@pytest.mark.ranks(2, 3)
 def test_what_does_not_fit_the_mesh_is_named_on_all_ranks(sdls119a, comm, change, words):
     with pytest.raises(ModelError, match=words):
         prepare(bare(sdls119a, **change), comm)
 
 
+@pytest.mark.ranks
 def test_a_model_without_loads_has_none(comm, sdls119a):
     model = PlateModel(Material(1e8, 0.2, 2000.0, 0.5), probes=(Probe("P3", (4.0, 8.0)),))
     scene = replace(sdls119a, model=model, kinematics=Kinematics("plane stress"))

@@ -11,6 +11,7 @@ pytestmark = pytest.mark.both
 
 @pytest.mark.parametrize("cell", ["quadrilateral", "triangle"])
 @pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.ranks(2, 3)
 def test_coordinates_come_back_at_their_nodes(sdls119a, comm, cell, degree):
     scene = replace(sdls119a, plate=replace(sdls119a.plate, cell=cell, degree=degree))
     with prepare(scene, comm) as assembly:

@@ -7,8 +7,6 @@ from uplift.meshes.checked import ModelError
 from uplift.meshes.imported import MeshFile, read_mesh_file
 from uplift.meshes.parts import names_of_parts, part_of_cells
 
-pytestmark = pytest.mark.serial
-
 SLAB = (2, 1, "SLAB")
 
 

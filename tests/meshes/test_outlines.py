@@ -6,8 +6,6 @@ import pytest
 from uplift.meshes.checked import ModelError
 from uplift.meshes.outlines import area_vector, check_outlines
 
-pytestmark = pytest.mark.serial
-
 
 def star(rng, n, radius, center=(0.0, 0.0)):
     """A polygon (n, 2) that no ray from its centre crosses twice."""

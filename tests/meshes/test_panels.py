@@ -28,6 +28,7 @@ def areas(whole):
 
 
 @pytest.mark.parametrize("cell", ["quadrilateral", "triangle"])
+@pytest.mark.ranks(2, 3)
 def test_a_polygon_with_a_hole(comm, cell):
     panels = Panels((Panel("PLATE", L_SHAPE, holes=(HOLE,)),), 0.2, cell, nodes=((2.03, 0.41, 0.0), (1.23, 0.0, 0.0)))
     tagged = build_mesh(comm, panels, as_it_is)
@@ -42,6 +43,7 @@ def test_a_polygon_with_a_hole(comm, cell):
     assert min(lengths) >= 4
 
 
+@pytest.mark.ranks(2, 3)
 def test_a_box_is_joined_along_its_edges(comm):
     up = [(x, y, 2.0) for x, y, _ in SQUARE]
     walls = tuple(Panel(f"W{i}", (SQUARE[i - 1], SQUARE[i], up[i], up[i - 1])) for i in range(4))
@@ -54,6 +56,7 @@ def test_a_box_is_joined_along_its_edges(comm):
     assert comm.allreduce(len(tagged.sides("S"))) == comm.allreduce(len(tagged.sides("W1.1"))) == 8
 
 
+@pytest.mark.ranks(2, 3)
 def test_a_wall_inside_a_raft_cuts_it(comm):
     wall = Panel("WALL", ((1.0, 0.0, 0.0), (1.0, 4.0, 0.0), (1.0, 4.0, 2.0), (1.0, 0.0, 2.0)))
     tagged = build_mesh(comm, Panels((Panel("RAFT", SQUARE), wall), 1.0), as_it_is)
@@ -61,6 +64,7 @@ def test_a_wall_inside_a_raft_cuts_it(comm):
     assert len(tagged.groups["RAFT"][1]) == 2
 
 
+@pytest.mark.ranks(2, 3)
 def test_points_on_a_regular_grid_do_not_refine_it(comm):
     grid = tuple((float(x), float(y), 0.0) for x in range(5) for y in range(5))
     coarse = Panels((Panel("RAFT", SQUARE),), 2.0, degree=2, nodes=grid)
@@ -85,11 +89,13 @@ def test_cells_around_points_that_become_nodes_cover_the_plate_once(comm, cell):
                 assert max(np.min(np.linalg.norm(whole.points - node, axis=1)) for node in nodes) < 1e-9
 
 
+@pytest.mark.ranks(2, 3)
 def test_edges_of_one_name_are_one_group(comm):
     tagged = build_mesh(comm, Panels((Panel("P", SQUARE, edge_names=("RIM", "RIM", "N", "RIM")),), 1.0), as_it_is)
     assert [comm.allreduce(len(tagged.sides(name))) for name in ("RIM", "N")] == [12, 4]
 
 
+@pytest.mark.ranks(2, 3)
 def test_plates_on_each_other_are_warned_of(comm, caplog):
     other = tuple((x + 2.0, y, z) for x, y, z in SQUARE)
     panels = Panels((Panel("A", SQUARE), Panel("B", other)), 1.0)
@@ -116,7 +122,6 @@ def test_outlines_may_turn_either_way(comm):
             assert areas(whole).sum() == pytest.approx(26.0, rel=1e-12)
 
 
-@pytest.mark.serial
 def test_surfaces_that_lie_on_each_other_unjoined_are_refused():
     for x, sound in ((4.0, True), (3.5, False)):
         with gmsh_session() as gmsh:
@@ -128,7 +133,6 @@ def test_surfaces_that_lie_on_each_other_unjoined_are_refused():
                 check_cells(gmsh.model, 1e-6)
 
 
-@pytest.mark.serial
 def test_folded_cells_are_refused():
     with gmsh_session() as gmsh:
         gmsh.model.occ.addRectangle(0.0, 0.0, 0.0, 4.0, 4.0)
@@ -177,7 +181,6 @@ def test_impossible_panels_are_refused_by_key(change, key, words):
     assert error.value.key == key
 
 
-@pytest.mark.serial
 @pytest.mark.parametrize("suffix", [".msh", ".med"])
 def test_a_written_mesh_is_read_again(comm, tmp_path, suffix):
     wall = Panel("WALL", ((1.0, 0.0, 0.0), (1.0, 4.0, 0.0), (1.0, 4.0, 2.0), (1.0, 0.0, 2.0)))
@@ -191,7 +194,6 @@ def test_a_written_mesh_is_read_again(comm, tmp_path, suffix):
     assert (len(tagged.cells("RAFT")), len(tagged.cells("WALL")), len(tagged.facets("N"))) == (16, 8, 4)
 
 
-@pytest.mark.serial
 def test_files_that_are_no_mesh_of_plates_are_refused(comm, tmp_path):
     with pytest.raises(ModelError, match=".msh or .med"):
         MeshFile(tmp_path / "plate.stl")
@@ -212,7 +214,6 @@ def test_files_that_are_no_mesh_of_plates_are_refused(comm, tmp_path):
         build_mesh(comm, MeshFile(mixed), as_it_is)
 
 
-@pytest.mark.serial
 def test_plates_that_gmsh_does_not_join_are_refused():
     """A wall on the middle line of a raft, which a regular mesh of the raft passes over."""
     with gmsh_session() as gmsh:

@@ -56,6 +56,7 @@ def test_the_ranks_at_the_vertices_of_each_cell():
 
 @pytest.mark.parametrize("cell", ["quadrilateral", "triangle"])
 @pytest.mark.parametrize("stations", [(1.0,), (2.0,), (1.0, 2.0, 3.0), (0.5, 1.0, 1.5, 2.0, 2.5, 3.0)])
+@pytest.mark.ranks(2, 3)
 def test_walls_across_a_raft_share_its_nodes(comm, stations, cell):
     raft = Panel("RAFT", ((0.0, 0.0, 0.0), (4.0, 0.0, 0.0), (4.0, 4.0, 0.0), (0.0, 4.0, 0.0)))
     walls = tuple(

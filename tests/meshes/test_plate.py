@@ -23,6 +23,7 @@ def shoelace(corners):
 @pytest.mark.both
 @pytest.mark.parametrize("cell", ["quadrilateral", "triangle"])
 @pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.ranks(2, 3)
 def test_structured_plate_has_its_cells_groups_and_area(comm, cell, degree):
     plate = Plate(3.0, 5.0, 3, 7, cell, degree)
     tagged = build_mesh(comm, plate, lambda flat, order, level: (2, degree))
@@ -43,6 +44,7 @@ def test_structured_plate_has_its_cells_groups_and_area(comm, cell, degree):
         assert whole is None
 
 
+@pytest.mark.ranks
 def test_unknown_groups_are_named(comm):
     tagged = build_mesh(comm, Plate(1.0, 1.0, 2, 2), in_plane)
     with pytest.raises(ModelError, match="no edge group 'DBASE'.*DBAS"):
@@ -51,7 +53,6 @@ def test_unknown_groups_are_named(comm):
         tagged.point("P9")
 
 
-@pytest.mark.serial
 @pytest.mark.parametrize("suffix", [".msh", ".vtu", ".xdmf", ".med"])
 @pytest.mark.parametrize("cell", ["quadrilateral", "triangle"])
 def test_written_mesh_is_read_back_with_its_groups(tmp_path, suffix, cell, capsys):
@@ -71,7 +72,6 @@ def test_written_mesh_is_read_back_with_its_groups(tmp_path, suffix, cell, capsy
         assert len(mesh.cell_data["group"]) == len(mesh.cells)
 
 
-@pytest.mark.serial
 def test_mesh_file_of_unknown_format_is_refused(tmp_path):
     with pytest.raises(ModelError, match=".msh, .vtu, .xdmf, .med"):
         write_mesh(Plate(4.0, 8.0, 4, 8), tmp_path / "plate.stl")
@@ -93,6 +93,7 @@ def test_impossible_plates_are_refused_by_key(values, key):
     assert error.value.key == key
 
 
+@pytest.mark.ranks(2, 3)
 def test_group_names_are_the_same_on_all_ranks(comm):
     tagged = build_mesh(comm, Plate(1.0, 2.0, 2, 3), in_plane)
     everywhere = MPI.COMM_WORLD.allgather(sorted(tagged.groups.items()))

@@ -8,8 +8,6 @@ from uplift.solvers.bases.arnoldi import PairSpace
 
 SIZE, COLUMNS = 9, 2
 
-pytestmark = pytest.mark.serial
-
 
 def test_pairs_span_the_space_of_first_order():
     rng = np.random.default_rng(3)

@@ -43,6 +43,7 @@ def stored(sdls119a, comm, tmp_path):
 
 
 @pytest.mark.both
+@pytest.mark.ranks
 def test_what_is_written_is_read(sdls119a, comm, stored):
     path, basis = stored
     with prepare(sdls119a, comm) as assembly:
@@ -67,6 +68,7 @@ def test_another_gap_or_preload_uses_the_same_basis(sdls119a, comm, stored, chan
     assert np.max(np.abs(reached[0] - reached[1])) < 1e-4 * np.max(np.abs(reached[1]))
 
 
+@pytest.mark.ranks
 def test_another_model_is_refused(sdls119a, comm, stored):
     material = sdls119a.model.material
     stiffer = with_model(sdls119a, material=replace(material, young=1.5e8))
@@ -78,6 +80,7 @@ def test_another_model_is_refused(sdls119a, comm, stored):
         assert "\n" not in str(caught.value)
 
 
+@pytest.mark.ranks
 def test_loads_of_another_direction_are_refused(sdls119a, comm, stored):
     upwards = GroundMotion((0.0, 1.0), sdls119a.model.motions[0].signal)
     scene = with_model(sdls119a, motions=(upwards,), gravity=0.0)
@@ -92,7 +95,6 @@ def test_loads_of_another_direction_are_refused(sdls119a, comm, stored):
             read_basis(stored[0], assembly.operators)
 
 
-@pytest.mark.serial
 def test_damaged_and_foreign_files_are_refused(sdls119a, comm, stored, tmp_path):
     path = stored[0]
     whole = path.read_bytes()
@@ -110,7 +112,6 @@ def test_damaged_and_foreign_files_are_refused(sdls119a, comm, stored, tmp_path)
             assert "\n" not in str(caught.value)
 
 
-@pytest.mark.serial
 def test_a_file_that_cannot_be_written_leaves_nothing(sdls119a, comm, stored, tmp_path):
     (tmp_path / "in the way").write_text("", encoding="utf-8")
     with prepare(sdls119a, comm) as assembly, pytest.raises(ModelError, match="cannot be written"):
@@ -123,7 +124,6 @@ def test_a_file_that_cannot_be_written_leaves_nothing(sdls119a, comm, stored, tm
     assert sorted(p.name for p in tmp_path.iterdir()) == ["basis.h5", "folder.h5", "in the way"]
 
 
-@pytest.mark.serial
 def test_a_changed_byte_is_found(sdls119a, comm, stored, tmp_path):
     whole = stored[0].read_bytes()
     with h5py.File(stored[0], "r") as file:
@@ -142,7 +142,6 @@ def test_a_changed_byte_is_found(sdls119a, comm, stored, tmp_path):
                 assert not begin <= at < begin + length and np.array_equal(again.vectors, stored[1].vectors)
 
 
-@pytest.mark.serial
 @pytest.mark.parametrize("way", ["huge", "text", "group", "settings", "link", "external"])
 def test_foreign_contents_end_in_one_line(sdls119a, comm, stored, tmp_path, way):
     with h5py.File(stored[0], "r+") as file:
@@ -188,7 +187,6 @@ with prepare(read_scene(shipped()["sdls119a"]), MPI.COMM_SELF) as assembly:
 """
 
 
-@pytest.mark.serial
 @pytest.mark.parametrize("room", [0, 100, 3000, 10_000, 20_000])
 def test_a_basis_for_which_there_is_no_room_leaves_nothing(tmp_path, room):
     """A limit of the size of files stands for a full disk."""

@@ -58,6 +58,7 @@ def stopped_at(moments, run, folder, assembly, monkeypatch):
     return run(Watch(checkpoint=Checkpoint(folder, "this run", comm, labels, seconds=1e9, resume=True)))
 
 
+@pytest.mark.ranks(2, 3)
 @pytest.mark.parametrize("in_basis", [False, True])
 def test_a_march_that_is_stopped_again_and_again_ends_in_the_same_bits(assembly, shared_path, comm, monkeypatch, in_basis):
     times = 10 if comm.size == 1 else 2
@@ -105,6 +106,7 @@ def test_a_march_that_is_stopped_again_and_again_ends_in_the_same_bits(assembly,
 
 
 @pytest.mark.skipif(not COMPLEX, reason="the sweep needs the complex build")
+@pytest.mark.ranks(2, 3)
 def test_a_sweep_that_is_stopped_ends_in_the_same_bits(assembly, shared_path, comm, monkeypatch):
     omega = 2 * np.pi * np.linspace(0, 25, 40)
     for groups in range(1, comm.size + 1):
@@ -119,6 +121,7 @@ def test_a_sweep_that_is_stopped_ends_in_the_same_bits(assembly, shared_path, co
             assert same(getattr(whole, name), getattr(broken, name), bits=groups == comm.size), (groups, name)
 
 
+@pytest.mark.ranks(2, 3)
 def test_rows_have_an_order_that_knows_no_ranks(assembly, comm):
     labels = assembly.plate.labels
     everyone = np.concatenate(comm.allgather(labels))
@@ -142,7 +145,6 @@ class no_error:  # noqa: N801 - stands where a context manager of pytest does
         return None
 
 
-@pytest.mark.serial
 def test_files_that_are_not_this_run_s_are_refused_by_name(tmp_path):
     path, arrays = tmp_path / "march-1.h5", {"step": np.array(3), "u": np.linspace(0, 1, 1000)}
     write_file(path, arrays, "run", "rows")
@@ -166,7 +168,6 @@ def test_files_that_are_not_this_run_s_are_refused_by_name(tmp_path):
         read_file(path, "run", "rows")
 
 
-@pytest.mark.serial
 def test_a_full_disk_is_reported_and_the_checkpoint_before_it_stays(tmp_path, comm, caplog, monkeypatch):
     checkpoint = Checkpoint(tmp_path / "new", "run", comm, np.arange(4)[:, None])
     assert checkpoint.save("march-1", {"u": np.zeros(10)})
@@ -183,7 +184,6 @@ def test_a_full_disk_is_reported_and_the_checkpoint_before_it_stays(tmp_path, co
     assert checkpoint.state_in_words(comm) == f"checkpoint in {tmp_path / 'new'}; go on with --resume"
 
 
-@pytest.mark.serial
 def test_a_kill_between_writing_and_renaming_leaves_the_old_file(tmp_path, monkeypatch):
     path = tmp_path / "march-1.h5"
     write_file(path, {"u": np.zeros(3)}, "run", "rows")
@@ -198,7 +198,6 @@ def test_a_kill_between_writing_and_renaming_leaves_the_old_file(tmp_path, monke
     assert [p.name for p in tmp_path.iterdir()] == ["march-1.h5"]
 
 
-@pytest.mark.serial
 def test_a_new_run_does_not_take_what_an_old_one_left(tmp_path, comm, caplog):
     labels = np.arange(4)[:, None]
     old = Checkpoint(tmp_path, "run", comm, labels)
@@ -213,7 +212,6 @@ def test_a_new_run_does_not_take_what_an_old_one_left(tmp_path, comm, caplog):
     assert not tmp_path.exists()
 
 
-@pytest.mark.serial
 def test_only_checkpoints_are_removed_and_through_no_link(tmp_path, comm):
     folder, elsewhere = tmp_path / "checkpoint", tmp_path / "elsewhere"
     folder.mkdir()
@@ -237,7 +235,6 @@ def test_only_checkpoints_are_removed_and_through_no_link(tmp_path, comm):
         Checkpoint(tmp_path / "link", "run", comm, labels)
 
 
-@pytest.mark.serial
 def test_a_checkpoint_that_says_more_than_it_holds_is_refused(tmp_path):
     with h5py.File(tmp_path / "a.h5", "w") as file:
         file.attrs.update({"format": "uplift checkpoint 1", "run": "r", "rows": "r", "contents": "0"})

@@ -21,8 +21,6 @@ from uplift.solvers.time_domain.exact.model import dense_model
 from uplift.solvers.time_domain.exact.solution import solve
 from uplift.solvers.time_domain.exact.starts import Start, rest_start, static_start
 
-pytestmark = [pytest.mark.serial]
-
 LOAD = "load.amplitude"
 UNDAMPED = {"plate.alpha": 0.0, "plate.beta": 0.0}
 

@@ -17,8 +17,6 @@ from uplift.solvers.time_domain.exact.solution import by_collocation, difference
 from uplift.solvers.time_domain.exact.starts import rest_start, static_start
 from uplift.solvers.time_domain.exact.step_response import moments
 
-pytestmark = [pytest.mark.serial]
-
 
 @pytest.mark.parametrize(
     "signal",

@@ -12,7 +12,7 @@ from uplift.solvers.time_domain.newmark import Newmark
 from uplift.solvers.time_domain.scheme import Scheme
 from uplift.solvers.time_domain.state import at_rest
 
-pytestmark = [pytest.mark.serial, pytest.mark.complex]
+pytestmark = pytest.mark.complex
 
 
 def operators_with(history, **options):

@@ -59,7 +59,6 @@ def thrown(step, scheme, node=NODE, duration=0.4):
         return transient(method, start, round(duration / step)), model.contacts.law
 
 
-@pytest.mark.serial
 @pytest.mark.both
 @pytest.mark.parametrize("scheme", [Scheme(), generalised_alpha(0.0)])
 def test_a_heavy_node_stays_behind_and_swings_free(scheme):
@@ -75,7 +74,6 @@ def test_a_heavy_node_stays_behind_and_swings_free(scheme):
     assert 1.7 < np.polyfit(np.log([2e-3, 1e-3, 5e-4]), np.log(errors), 1)[0] < 2.3
 
 
-@pytest.mark.serial
 @pytest.mark.both
 def test_a_node_that_follows_the_plate_would_be_wrong_and_a_light_one_need_not_be_told():
     heavy, law = thrown(1e-3, Scheme())
@@ -87,7 +85,6 @@ def test_a_node_that_follows_the_plate_would_be_wrong_and_a_light_one_need_not_b
     assert light.probes[:, 0] == pytest.approx(none.probes[:, 0], abs=1e-9)
 
 
-@pytest.mark.serial
 @pytest.mark.both
 def test_either_side_of_the_threshold_is_the_same_answer(monkeypatch):
     """A node just light enough to be left out, taken along all the same."""
@@ -100,7 +97,6 @@ def test_either_side_of_the_threshold_is_the_same_answer(monkeypatch):
     assert taken.probes[:, 0] == pytest.approx(left_out.probes[:, 0], abs=1e-6)
 
 
-@pytest.mark.serial
 def test_the_basis_that_spans_all_gives_the_same():
     scheme, step = generalised_alpha(0.0), 1e-3
     stepped, law = thrown(step, scheme)
@@ -114,6 +110,7 @@ def test_the_basis_that_spans_all_gives_the_same():
 
 
 @pytest.mark.complex
+@pytest.mark.ranks
 def test_sweep_and_stepping_agree_on_heavy_joints(sdls119a, comm):
     support = dataclasses.replace(sdls119a.model.supports[0], mass=1e5)
     settings = dataclasses.replace(sdls119a.transient, method="generalised-alpha", rho_infinity=0.0, start="static", every=1)
@@ -128,7 +125,6 @@ def test_sweep_and_stepping_agree_on_heavy_joints(sdls119a, comm):
     assert stepped.openings(law).max() > 0.01
 
 
-@pytest.mark.serial
 @pytest.mark.both
 def test_where_a_mass_counts():
     law = UpliftLaw(np.full(3, 1e15), np.full(3, 1e-8 + 1e-15), mass=np.array([0.0, 0.1, 10.0]))

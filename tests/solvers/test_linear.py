@@ -12,6 +12,7 @@ from uplift.solvers.time_domain.newmark import Newmark
 from uplift.solvers.time_domain.scheme import Scheme
 
 
+@pytest.mark.ranks
 def test_iterative_march_equals_the_direct_one_joints_of_1e15_included(sdls119a, comm):
     histories = []
     with prepare(refined(sdls119a, 4), comm) as assembly:
@@ -29,6 +30,7 @@ def test_iterative_march_equals_the_direct_one_joints_of_1e15_included(sdls119a,
     assert np.max(np.abs(direct.release - iterative.release)) < 1e-9 * np.max(np.abs(direct.elongation)) * 1e15
 
 
+@pytest.mark.ranks
 def test_rigid_motions_strain_the_plate_no_more_than_its_supports(assembly, comm):
     """What they strain is the joints: without these the stiffness maps them to zero."""
     operators = assembly.operators
@@ -43,7 +45,6 @@ def test_rigid_motions_strain_the_plate_no_more_than_its_supports(assembly, comm
         assert comm.allreduce(float(left.max(initial=0.0)), op=max) < 1e-14 * 1e15
 
 
-@pytest.mark.serial
 def test_a_matrix_that_is_not_definite_is_an_error(sdls119a, comm):
     with prepare(refined(sdls119a, 2), comm) as assembly:
         operators = assembly.operators
@@ -57,6 +58,7 @@ def test_a_matrix_that_is_not_definite_is_an_error(sdls119a, comm):
             solver.solve(operators.loads[0].vector, solution, check=True)
 
 
+@pytest.mark.ranks
 def test_new_values_are_factorised_on_any_number_of_ranks(sdls119a, comm):
     with prepare(refined(sdls119a, 6), comm) as assembly:  # large enough for MUMPS on one rank
         operators = assembly.operators
@@ -69,6 +71,7 @@ def test_new_values_are_factorised_on_any_number_of_ranks(sdls119a, comm):
 
 
 @pytest.mark.both
+@pytest.mark.ranks
 def test_block_solve_equals_single_solves(assembly):
     from petsc4py import PETSc
 

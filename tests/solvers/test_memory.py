@@ -15,6 +15,7 @@ def test_fill_of_a_plate(n):
     assert Size(n, 18 * n, False).factor / 13.5 == pytest.approx(FACTORS[n], rel=0.05)
 
 
+@pytest.mark.ranks
 def test_size_and_estimate_of_this_very_process(assembly, comm):
     size = size_of(assembly.operators.stiffness)
     assert size.n == 100 and size.is_complex == COMPLEX
@@ -41,7 +42,6 @@ def version_2(limit, used, cached=0):
     return {"memory.max": limit, "memory.current": used, "memory.stat": f"anon 7\ninactive_file {cached}"}
 
 
-@pytest.mark.serial
 def test_available_memory_respects_control_groups(tmp_path):
     assert available_bytes(tmp_path / "nowhere") == np.inf
     assert available_bytes(machine(tmp_path / "1", 32)) == 32 * 1024
@@ -53,7 +53,6 @@ def test_available_memory_respects_control_groups(tmp_path):
     assert available_bytes() > 1e7
 
 
-@pytest.mark.serial
 def test_a_run_that_cannot_fit_is_refused(sdls119a, comm):
     from dataclasses import replace
 

@@ -88,7 +88,7 @@ def frequencies_from_flexibility(penalty, number):
     return np.sqrt(values) / (2 * np.pi)
 
 
-@pytest.mark.parametrize("penalty", [1e12, 1e15, 1e18])
+@pytest.mark.parametrize("penalty", [1e12, 1e15, pytest.param(1e18, marks=pytest.mark.ranks)])
 def test_frequencies_keep_their_digits_beside_stiff_joints(penalty):
     with changed_plant(supports=supports_of(penalty)) as made:
         found = modes(made.operators, number=20)
@@ -100,6 +100,7 @@ def test_frequencies_keep_their_digits_beside_stiff_joints(penalty):
     assert whole.sturm.inside == whole.number
 
 
+@pytest.mark.ranks
 def test_modes_are_counted_orthonormal_and_solve_the_equations(reference, twenty, every_one):
     assert (twenty.number, twenty.rigid, twenty.sturm.below_lower, twenty.sturm.inside) == (20, 0, 0, 20)
     assert twenty.frequencies[-1] < np.sqrt(twenty.sturm.upper) / (2 * np.pi) < every_one.frequencies[20]
@@ -116,6 +117,7 @@ def test_modes_are_counted_orthonormal_and_solve_the_equations(reference, twenty
     np.testing.assert_allclose(np.abs(V).max(axis=0), V.max(axis=0), rtol=1e-5)
 
 
+@pytest.mark.ranks
 def test_a_band_holds_the_same_modes_as_the_lowest(reference, twenty):
     low = modes(reference.operators, band=(0.0, 20.0))
     inner_band = modes(reference.operators, band=(5.0, 53.0))
@@ -125,11 +127,13 @@ def test_a_band_holds_the_same_modes_as_the_lowest(reference, twenty):
     assert (inner_band.sturm.below_lower, inner_band.sturm.below_upper) == (1, 19)
 
 
+@pytest.mark.ranks
 def test_joints_are_found_as_a_band_too(reference, every_one):
     joints = modes(reference.operators, band=(1e5, 2e5))
     np.testing.assert_allclose(joints.frequencies, every_one.frequencies[85:88], rtol=1e-11)
 
 
+@pytest.mark.ranks
 def test_effective_masses_of_all_modes_are_the_total_mass(reference, twenty, every_one):
     gravity, motion = (load.vector for load in reference.operators.loads)
     total = reference.plate.total_mass
@@ -141,6 +145,7 @@ def test_effective_masses_of_all_modes_are_the_total_mass(reference, twenty, eve
     assert np.all(some.sum(axis=0) > 0.9 * total)
 
 
+@pytest.mark.ranks
 def test_a_free_square_plate_has_three_rigid_modes_double_modes_and_rayleigh_damping():
     with changed_plant(supports=[], springs=[], mesh=SCENE["mesh"] | {"height": 4.0, "ny": 4}) as free:
         found = modes(free.operators, number=20, shift=-1e4)
@@ -201,6 +206,7 @@ def test_a_rigid_motion_is_named_whichever_sign_round_off_gives_its_eigenvalue(m
                 modes(operators, band=(0.0, 1.0))
 
 
+@pytest.mark.ranks
 def test_errors_say_what_is_wrong(reference):
     operators = reference.operators
     with pytest.raises(ModelError, match="number: expected >= 1 and <= 100, the dofs that have mass, got 101"):
@@ -241,6 +247,7 @@ def run(operators, basis, release, **options):
     return marched(model, TRAPEZOIDAL, 4e-3, 700, settled_state(model, Scheme(1.0, 1.5), 1e-3, 10), every=2, release=release)
 
 
+@pytest.mark.ranks
 def test_all_modes_give_the_physical_run(reference, every_one, physical):
     first, second, release = physical
     assert release.max() > 1e4, "the scene must open its contacts"
@@ -255,6 +262,7 @@ def test_all_modes_give_the_physical_run(reference, every_one, physical):
     np.testing.assert_allclose(one.peak_field, first.peak_field, atol=1e-9 * np.abs(first.probes).max())
 
 
+@pytest.mark.ranks
 def test_static_answers_bring_the_contacts_closer(reference, twenty, physical):
     _, second, release = physical
     operators = reference.operators

@@ -15,7 +15,7 @@ from uplift.solvers.time_domain.newmark import Newmark
 from uplift.solvers.time_domain.scheme import Scheme, generalised_alpha, hilber_hughes_taylor
 from uplift.solvers.time_domain.state import Drive, State, at_rest
 
-pytestmark = [pytest.mark.serial, pytest.mark.both]
+pytestmark = pytest.mark.both
 
 
 def oscillator_operators(**options):

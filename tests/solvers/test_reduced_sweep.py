@@ -21,6 +21,7 @@ def relative(here, there):
 
 
 @pytest.mark.complex
+@pytest.mark.ranks
 def test_sweep_in_the_basis_equals_the_direct_sweep(sdls119a, comm):
     scene = refined(sdls119a, 2)
     window = replace(scene.fourier, length=5.12, samples=512)
@@ -41,6 +42,7 @@ def test_sweep_in_the_basis_equals_the_direct_sweep(sdls119a, comm):
 
 
 @pytest.mark.complex
+@pytest.mark.ranks
 def test_march_over_contact_forces_equals_that_of_the_direct_sweep(sdls119a, comm):
     with prepare(refined(sdls119a, 2), comm) as assembly, static_state(assembly.operators, exact_uplift=True) as start:
         model = project(assembly.operators, krylov_basis(assembly.operators, KrylovSettings(tolerance=1e-6)))

@@ -10,8 +10,6 @@ from uplift.solvers.time_domain.march import transient
 from uplift.solvers.time_domain.newmark import Newmark
 from uplift.solvers.time_domain.scheme import Scheme
 
-pytestmark = pytest.mark.serial
-
 
 def test_step_of_acceleration():
     """u = -a/w^2 (1 - e^(-zwt) (cos wd t + z/sqrt(1-z^2) sin wd t)): its first peak is at wd t = pi."""

@@ -36,6 +36,7 @@ def difference(here, exact):
 
 
 @pytest.mark.complex
+@pytest.mark.ranks(2, 3)
 def test_any_number_of_groups_equals_dense_algebra(assembly, comm):
     operators = assembly.operators
     exact = dense_answers(operators)
@@ -53,6 +54,7 @@ def test_any_number_of_groups_equals_dense_algebra(assembly, comm):
 
 
 @pytest.mark.complex
+@pytest.mark.ranks(2, 3)
 def test_more_groups_than_points(assembly, comm):
     operators = assembly.operators
     exact = on_all_ranks(operators.probes) @ dense_answers(operators)[:1]

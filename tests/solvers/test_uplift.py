@@ -29,7 +29,6 @@ def bounce(scheme, step, duration=2.0, **options):
             return transient(method, start, round(duration / step), **options)
 
 
-@pytest.mark.serial
 @pytest.mark.both
 def test_closed_form_is_continuous():
     t = np.linspace(0, 3, 30_001)
@@ -37,7 +36,6 @@ def test_closed_form_is_continuous():
     assert bouncing.height(np.array([0.0]))[0] == pytest.approx(-bouncing.MASS * bouncing.GRAVITY / bouncing.STIFFNESS)
 
 
-@pytest.mark.serial
 @pytest.mark.both
 @pytest.mark.parametrize("scheme", [Scheme(), hilber_hughes_taylor(0.1), generalised_alpha(0.6)])
 def test_bouncing_mass_follows_its_closed_form(scheme):
@@ -51,7 +49,6 @@ def test_bouncing_mass_follows_its_closed_form(scheme):
     assert 1.7 < slope < 2.4
 
 
-@pytest.mark.serial
 @pytest.mark.both
 def test_contact_law_holds_at_every_step():
     history = bounce(Scheme(), 1e-3)
@@ -64,7 +61,6 @@ def test_contact_law_holds_at_every_step():
     assert history.release.max() > 100
 
 
-@pytest.mark.serial
 @pytest.mark.both
 def test_energy_is_conserved_between_contacts():
     """Undamped, the ledger moves only in the steps in which the contact opens or closes."""
@@ -86,6 +82,7 @@ def lifted(scene, comm, scheme=None, steps=500, **options):
         return history, assembly.operators.contacts.law, assembly.plate.total_mass
 
 
+@pytest.mark.ranks
 def test_converged_uplift_of_the_reference_case(sdls119a, comm):
     history, _, _ = lifted(sdls119a, comm)
     # Published figures of a converged solution of this case at this step, printed digits.
@@ -94,6 +91,7 @@ def test_converged_uplift_of_the_reference_case(sdls119a, comm):
     assert history.probes[:, 0].min() == pytest.approx(-0.0640489, abs=5e-8)
 
 
+@pytest.mark.ranks
 def test_reactions_are_weight_plus_inertia_and_energy_balances(sdls119a, comm):
     history, law, mass = lifted(sdls119a, comm, energy=True)
     compression = law.compression(law.tension(history.elongation), history.release)
@@ -133,6 +131,7 @@ def test_a_gap_lowers_the_plate_and_changes_nothing_else(sdls119a, comm, gap):
     assert law.gap(lowered.release).max() == pytest.approx(law.gap(history.release).max(), rel=1e-6)
 
 
+@pytest.mark.ranks
 def test_preload_pushes_back(sdls119a, comm):
     """Without gravity a plate on preloaded supports stands where the preload is gone: at preload / stiffness."""
     support = replace(sdls119a.model.supports[0], preload=1e5)
@@ -172,6 +171,7 @@ def test_plate_that_flies(sdls119a, comm):
 
 
 @pytest.mark.parametrize("points", [((0.0, 0.0), (1.0, 0.0)), ((0.0, 0.0), (4.0, 0.0))])
+@pytest.mark.ranks
 def test_a_plate_that_its_weight_tips_or_lifts_off_is_refused(sdls119a, comm, points):
     """On the two supports at the left it tips over; on those at the corners it is lifted by gravity reversed."""
     support = replace(sdls119a.model.supports[0], points=points)
@@ -188,6 +188,7 @@ def test_a_plate_that_its_weight_tips_or_lifts_off_is_refused(sdls119a, comm, po
     assert abs(height) > 1e4
 
 
+@pytest.mark.ranks
 def test_sideways_released_supports_slide_while_open(sdls119a, comm):
     """Released supports carry no sideways force while open, and stick where they land."""
     support = replace(sdls119a.model.supports[0], sideways="released")
@@ -203,7 +204,6 @@ def test_sideways_released_supports_slide_while_open(sdls119a, comm):
     assert np.array_equal(history.release[1:, n:][closed], history.release[:-1, n:][closed])
 
 
-@pytest.mark.serial
 @pytest.mark.parametrize(("every", "limit"), [(1, None), (2, [-0.0568127, 0.0095451])])
 def test_published_passes_end_at_the_exact_answer(sdls119a, comm, every, limit):
     """With tensions at every step they end at the exact answer; with the source's, every second step, beside it."""
@@ -227,7 +227,6 @@ def test_published_passes_end_at_the_exact_answer(sdls119a, comm, every, limit):
         assert final[234] == pytest.approx(limit, abs=5e-8)
 
 
-@pytest.mark.serial
 def test_many_supports_on_a_line(sdls119a, comm):
     """Supports that share the stiffness of the five: the law holds at each of them, and the weight is carried."""
     scene = on_a_line(sdls119a, 41)
