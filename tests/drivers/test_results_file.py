@@ -2,6 +2,7 @@
 
 import csv
 import json
+from dataclasses import replace
 
 import h5py
 import meshio
@@ -12,7 +13,7 @@ from tests.process import ROOT, SCENE, drivers, finish, start
 from uplift.drivers.analysis.analyse import analyse
 from uplift.drivers.analysis.snapshots import Snapshots
 from uplift.drivers.results.contact_lines import contact_lines
-from uplift.drivers.results.hdf5 import read_results
+from uplift.drivers.results.hdf5 import read_results, write_results
 from uplift.drivers.results.results import floor_acceleration
 from uplift.drivers.results.viewers import real_fields
 from uplift.drivers.scene.request import Request
@@ -208,3 +209,28 @@ def test_a_large_model_has_fewer_frames_or_none(assembly, monkeypatch):
     snapshots.watch(0, np.ones(assembly.operators.n_local))
     snapshot_data = snapshots.develop(None)
     assert snapshot_data.snapshots.shape == (0, 45, 3) and len(snapshot_data.envelope) == 2
+
+
+def test_ten_thousand_contacts_have_their_names(tmp_path, reference_run):
+    whole = read_results(reference_run)
+    n = 10_000
+    names = tuple(f"SOIL.{i}" for i in range(1, n + 1))
+    values = np.zeros((len(whole.times), n))
+    series = {key: replace(whole.series[key], names=names, values=values) for key in ("contacts/force", "contacts/gap")}
+    write_results(tmp_path / "results.h5", replace(whole, series=whole.series | series))
+    assert read_results(tmp_path / "results.h5").series["contacts/force"].names == names
+
+
+def test_names_of_contacts_cannot_clash(tmp_path):
+    """Contact 11 of S and contact 1 of S1 had one name; so had contact 1 of S.1 and others."""
+    text = SCENE.read_text(encoding="utf-8").split("[[supports]]")[0]
+    rest = '[[probes]]\nname = "P"\npoint = "P3"\n[transient]\nstep = 0.01\nduration = 0.05\n'
+    for name, row in (("S", 0.0), ("S1", 8.0), ("S.1", 4.0)):
+        text += f'[[supports]]\nname = "{name}"\npoints = {[[float(x), row] for x in range(5)]}\n'
+        text += 'stiffness = { X = 1e8, Y = 1e8 }\ncontact = { X = 1e12, Y = 1e12 }\nunilateral = "Y"\n'
+    (tmp_path / "scene.toml").write_text(text + rest, encoding="utf-8")
+    run(tmp_path / "scene.toml", "--out", tmp_path / "out")
+    header, values = columns(tmp_path / "out" / "contacts.csv")
+    expected = [f"{name}.{number}" for name in ("S", "S1", "S.1") for number in range(1, 6)]
+    assert header == ["t", *(f"{name} force [N]" for name in expected), *(f"{name} gap [m]" for name in expected)]
+    assert len(set(header)) == len(header) == values.shape[1]
