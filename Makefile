@@ -11,7 +11,7 @@ PACKAGES = python3-dolfinx python3-dolfinx-real python3-dolfinx-complex \
 TEST_PACKAGES = chromium chromium-driver python3-pytest-xdist
 
 # Prints the options that share the tests out among the cores, file by file; nothing where pytest-xdist is missing.
-WORKERS = $(PYTHON) -c 'import xdist' 2>/dev/null && echo -n auto --maxprocesses=8 --dist=loadfile || :
+WORKERS = $(PYTHON) -c 'import xdist' 2>/dev/null && printf '%s' '-n auto --maxprocesses=8 --dist=loadfile' || :
 
 # One thread a process: MPI brings the parallelism, and threads of BLAS beside it only compete for the same cores.
 export OMP_NUM_THREADS ?= 1

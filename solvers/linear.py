@@ -73,6 +73,18 @@ class LinearSolver:
         if check:
             self.check(right, solution)
 
+    def solve_columns(self, rights: np.ndarray) -> np.ndarray:
+        """Solve for many real right-hand sides, this rank's rows (n_local, n_columns), each checked; return the solutions (collective)."""
+        right, solution = self.matrix.createVecs()
+        solutions = np.empty(rights.shape, order="F")
+        for j, column in enumerate(rights.T):
+            right.array[:] = column
+            self.solve(right, solution, check=True)
+            solutions[:, j] = np.real(solution.array_r)
+        right.destroy()
+        solution.destroy()
+        return solutions
+
     def check(self, right: Any, solution: Any) -> float:
         """Return the backward error |D (b - A x)| / (|D b| + |D^-1 x|) with D = |diag A|^-1/2; raise `SolverError` above the limit.
 

@@ -146,6 +146,11 @@ INVERSE_ITERATIONS = 8
 """Where the smallest singular value is a hundredth of the next, two are enough."""
 
 
+def pulls(law: UpliftLaw, tension: np.ndarray, scale: float) -> bool:
+    """Tell whether a bonded contact pulls, by its tensions (n_channels,) N; else none opens. `scale` is that of `ContactProblem.solve`."""
+    return bool(np.max(tension[: law.n_contacts]) > 1e-12 * max(np.max(np.abs(tension)), scale))
+
+
 STATIC_ROUNDS = 10
 """Sideways forces follow the contacts one round behind; more than a few rounds means that there is no lasting answer."""
 

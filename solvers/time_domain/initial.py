@@ -6,7 +6,7 @@ import numpy as np
 
 from uplift.forms.operators import Operators
 from uplift.solvers.contact.memory import ContactMemory
-from uplift.solvers.contact.step import ContactProblem, settled_release
+from uplift.solvers.contact.step import ContactProblem, pulls, settled_release
 from uplift.solvers.linear import definite_solver
 from uplift.solvers.time_domain.newmark import ContactCompliance, Newmark
 from uplift.solvers.time_domain.scheme import Scheme
@@ -24,11 +24,12 @@ def static_state(operators: Operators, *, exact_uplift: bool = False, rigid_mode
     with definite_solver(operators.stiffness, "static_", "static initial state", rigid_modes) as solver:
         solver.solve(right, state.displacement, check=right.norm() > 0)
         if exact_uplift and state.release.size:
-            compliance = ContactCompliance(operators, solver, 1.0)
-            problem = ContactProblem(operators.contacts.law, compliance.matrix)
-            release = settled_release(problem, tensions(operators, state.displacement), load_scale(operators, values[None, :]))
-            state.displacement.array[:] += release @ compliance.answers
-            state.contacts = ContactMemory(release, state.contacts.inner)
+            law, scale, tension = operators.contacts.law, load_scale(operators, values[None, :]), tensions(operators, state.displacement)
+            if pulls(law, tension, scale):
+                compliance = ContactCompliance(operators, solver, 1.0)
+                release = settled_release(ContactProblem(law, compliance.matrix), tension, scale)
+                state.displacement.array[:] += release @ compliance.answers
+                state.contacts = ContactMemory(release, state.contacts.inner)
     right.destroy()
     return state
 

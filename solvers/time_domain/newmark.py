@@ -26,6 +26,9 @@ from uplift.solvers.time_domain.state import Drive, Instants, State, add_push
 FEW_CONTACTS = 16
 """Up to so many contacts it is quicker to take them all than to pick the open ones."""
 
+COLUMNS_AT_ONCE = 64
+"""Unit release forces that are solved for together."""
+
 VECTORS = ("displacement", "velocity", "acceleration")
 
 
@@ -41,14 +44,10 @@ class ContactCompliance:
         pull = sparse.diags(contacts.law.stiffness) @ contacts.elongation.local
         self.pull = pull.toarray() if operators.n_local <= SMALL else pull.tocsr()
         """(n_channels, n_local) N/m: this rank's share of the tensions of the bonded contacts."""
-        right, solution = operators.new_vector(), operators.new_vector()
-        for j in range(n):
-            right.array[:] = contacts.push[:, [j]].toarray().ravel()
-            solver.solve(right, solution, check=True)
-            self.answers[j] = np.real(solution.array_r)
-        right.destroy()
-        solution.destroy()
-        partial = np.stack([contacts.elongation.partial(answer) for answer in self.answers]) if n else np.zeros((0, 0))
+        push = contacts.push.tocsc()
+        for j in range(0, n, COLUMNS_AT_ONCE):
+            self.answers[j : j + COLUMNS_AT_ONCE] = solver.solve_columns(push[:, j : j + COLUMNS_AT_ONCE].toarray()).T
+        partial = np.asarray(contacts.elongation.local @ self.answers.T).T
         per_push = factor * contacts.elongation.total(partial).T
         self.matrix = contacts.law.stiffness[:, None] * per_push
         """(n_channels, n_channels): tension of channel i per unit release force of channel j, dimensionless."""
