@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 CORNERS = {2: 3, 3: 4, 9: 3, 10: 4}
 """Corners of the cells that are read, by gmsh's number of an element type."""
@@ -68,6 +67,8 @@ def pairs_in_reach(points: np.ndarray, centres: np.ndarray, reach: np.ndarray) -
 
     Centres are looked at by their reach, one power of two after another, so that a large one meets few pairs that are too far.
     """
+    from scipy.spatial import cKDTree
+
     tree, size = cKDTree(points), np.ceil(np.log2(reach)).astype(int)
     found = [(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64))]
     for power in np.unique(size):
