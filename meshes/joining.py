@@ -5,9 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
 from uplift.meshes.checked import ModelError
 from uplift.meshes.findings import say
@@ -22,12 +19,17 @@ NEAR = 1e-2
 
 def place_pairs(mesh: PlainMesh) -> np.ndarray:
     """Return the pairs (p, 2) of nodes at one place, in order."""
+    from scipy.spatial import cKDTree
+
     pairs = cKDTree(mesh.points).query_pairs(SAME * mesh.extent, output_type="ndarray")
     return pairs[np.lexsort(pairs.T[::-1])]
 
 
 def merged(mesh: PlainMesh) -> PlainMesh:
     """Return the mesh with nodes at one place made one, the first of them. Raises `ModelError` where a cell loses a side by it."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
     pairs, n = place_pairs(mesh), len(mesh.points)
     if not len(pairs):
         return mesh

@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 from uplift.meshes.plain import PlainMesh, numbered_sides, place_in_words
 
@@ -27,6 +25,9 @@ def part_of_cells(corners: np.ndarray) -> np.ndarray:
     Cells that share a side belong to one part, and so do parts that share two nodes: one node is a hinge about which a plate in its
     plane turns, and in bending it holds a plate through one corner of a cell, which depends on the mesh alone.
     """
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
     _, side, cell = numbered_sides(corners)
     part = _components(side, cell, len(corners))
     while part.max(initial=0) > 0:
@@ -50,6 +51,9 @@ def part_of_cells(corners: np.ndarray) -> np.ndarray:
 
 
 def _components(side: np.ndarray, cell: np.ndarray, cells: int) -> np.ndarray:
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
     size = cells + int(side.max(initial=-1)) + 1
     graph = coo_matrix((np.ones(len(cell), dtype=np.int8), (cell, cells + side)), shape=(size, size))
     part = connected_components(graph, directed=False)[1][:cells]
