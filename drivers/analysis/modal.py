@@ -24,7 +24,7 @@ def run_modal(task: Task) -> Analysis:
         found = modes(operators, number=modal.number, band=modal.band, shift=modal.shift)
         basis = found.basis
         if modal.static_correction:
-            basis = with_static_answers(operators, basis)
+            basis = with_static_answers(operators, basis, shift=found.shift)
         elif task.exact and operators.contacts.names:
             say("modes alone", "modes alone give the contact forces badly and exact uplift with them: set modal.static_correction = true")
         small = project(operators, basis, diagonal=modal.diagonal)
