@@ -17,6 +17,8 @@ import numpy as np
 from uplift.forms.operators import Operators
 from uplift.solvers.bases.basis import Basis, Projected, apply, inner, projected_matrices
 from uplift.solvers.bases.orthonormal import DEPENDENT
+from uplift.solvers.bases.springs import inside_contacts
+from uplift.solvers.bases.starting_block import unit_columns
 from uplift.solvers.linear import SAME_PATTERN, DirectSolver
 
 log = logging.getLogger(__name__)
@@ -25,11 +27,15 @@ MASSLESS = (np.finfo(float).eps / DEPENDENT) ** 2
 """Of the largest mass per stiffness among the answers: less is round-off, which leaving out what is known enlarges by 1 / `DEPENDENT`."""
 
 
-def with_static_answers(operators: Operators, basis: Basis, *, shift: float = 0.0, prefix: str = "correction_") -> Basis:
+def with_static_answers(
+    operators: Operators, basis: Basis, *, shift: float = 0.0, joints: bool = False, prefix: str = "correction_"
+) -> Basis:
     """Return `basis` followed by the static answers (K - shift M)^-1 f to every load, unit release force and resultant (collective).
 
     `basis` holds modes, M-orthonormal; `shift` <= 0 in rad2/s2 is that of their search. What is new in the answers is appended,
     orthogonal to all others in stiffness and mass, so that their projections are diagonal. An answer with nothing new is left out.
+    `joints` adds the dofs inside the contacts: where the masses of auxiliary nodes count, their own equation has to hold, or else a
+    release force makes energy.
     Raises `SolverError` where nothing holds the structure and the shift is 0.
     """
     push = operators.contacts.push.toarray()
@@ -38,7 +44,9 @@ def with_static_answers(operators: Operators, basis: Basis, *, shift: float = 0.
     if shift:
         stiffness.axpy(-shift, operators.mass, structure=SAME_PATTERN)
     answers = _answers(operators, stiffness, forces, prefix)
-    found = _new_directions(operators, stiffness, basis.vectors, answers)
+    inside = inside_contacts(operators) if joints else np.zeros(0, dtype=int)
+    more = np.hstack([answers, unit_columns(operators, inside)])
+    found = _new_directions(operators, stiffness, basis.vectors, more)
     stiffness.destroy()
     largest = _largest_mass_per_stiffness(operators, forces, answers)
     mass, turn = np.linalg.eigh(inner(found, apply(operators.mass, found), operators.comm))
@@ -47,7 +55,7 @@ def with_static_answers(operators: Operators, basis: Basis, *, shift: float = 0.
     vectors = _mass_orthonormal(operators, basis.vectors, (found @ turn[:, ~light])[:, ::-1])
     massless = np.arange(vectors.shape[1] + light.sum()) >= vectors.shape[1]
     vectors = np.hstack([vectors, found @ turn[:, light]])
-    log.info("static correction: %d of %d static answers added to %d vectors", found.shape[1], forces.shape[1], basis.size)
+    log.info("static correction: %d of %d static answers added to %d vectors", found.shape[1], more.shape[1], basis.size)
     known = projected_matrices(operators, vectors)
     kept = np.outer(~massless, ~massless)
     return Basis(vectors, basis.comm, Projected(known.stiffness, np.where(kept, known.mass, 0.0), known.damping))
