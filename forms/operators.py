@@ -104,9 +104,10 @@ def no_contacts(n_local: int, comm: Any) -> Contacts:
 
 @dataclass(frozen=True)
 class OutputGroup:
-    """Outputs of one kind: rows y = local u + per_velocity u' + per_support_force s + constant, each with a name and a unit.
+    """Outputs of one kind: rows y = local u + per_velocity u' + per_support_force s + per_load h + constant, each with a name and a unit.
 
-    s (n_channels,) are the forces that stand against the supports' springs: the release forces, where auxiliary nodes have no mass.
+    s (n_channels,) are the forces that stand against the supports' springs: the release forces, where auxiliary nodes have no mass;
+    h (n_loads,) are the values of the load histories. To y is added the second derivative in time of the group `inertia`.
     """
 
     name: str
@@ -121,6 +122,10 @@ class OutputGroup:
     """(n,), of springs that are strained at zero displacement; None: zero."""
     per_velocity: sparse.csr_matrix | None = None
     """(n, n_local) s times the unit of `local`: weights on this rank's part of the velocity; None: zero."""
+    per_load: np.ndarray | None = None
+    """(n, n_loads): loads on dofs that conditions hold; None: zero."""
+    inertia: str = ""
+    """Name of the group of as many rows whose second derivative in time is added; empty: none."""
 
     @property
     def moving(self) -> np.ndarray:
@@ -173,14 +178,29 @@ class Outputs:
         """Return the linear parts (n, ...) of one group for this rank's part (n_local, ...) of solutions (collective)."""
         return self.total(self[name].local @ values)
 
-    def values(self, linear: np.ndarray, support_force: np.ndarray) -> np.ndarray:
-        """Return the outputs (nt, n_rows) from their linear parts (nt, n_rows) and the support forces (nt, n_channels) N."""
-        whole = linear.copy()
+    @property
+    def accelerated(self) -> np.ndarray:
+        """The rows (n,) whose second derivative in time is wanted: the probes, then those that groups name as their inertia."""
+        layout = self.layout
+        wanted = ["probes", *(group.inertia for group in self.groups if group.inertia)]
+        return np.concatenate([np.arange(layout[name].start, layout[name].stop) for name in wanted])
+
+    def values(self, linear: np.ndarray, support_force: np.ndarray, loads: np.ndarray, second: np.ndarray) -> np.ndarray:
+        """Return the outputs (nt, n_rows) from their linear parts (nt, n_rows) and the support forces (nt, n_channels) N.
+
+        `loads` (nt, n_loads) are the load histories, `second` (nt, n) the second derivatives of the rows `accelerated`.
+        """
+        whole, taken = linear.copy(), len(self["probes"].names)
         for group, rows in zip(self.groups, self.layout.values(), strict=True):
             if group.per_support_force is not None:
                 whole[:, rows] += support_force @ group.per_support_force.T
             if group.constant is not None:
                 whole[:, rows] += group.constant
+            if group.per_load is not None:
+                whole[:, rows] += loads @ group.per_load.T
+            if group.inertia:
+                whole[:, rows] += second[:, taken : taken + len(group.names)]
+                taken += len(group.names)
         return whole
 
     def projected(self, vectors: np.ndarray, comm: Any) -> Outputs:

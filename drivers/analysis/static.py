@@ -10,6 +10,7 @@ from uplift.drivers.analysis.task import Task
 from uplift.solvers.contact.published_passes import Passes
 from uplift.solvers.history import History
 from uplift.solvers.time_domain.initial import static_state
+from uplift.solvers.time_domain.state import load_values
 
 
 def run_static(task: Task) -> Analysis:
@@ -18,7 +19,8 @@ def run_static(task: Task) -> Analysis:
     with task.assembly.clock.phase("solution"), static_state(operators, exact_uplift=True) as state:
         here = np.real(state.displacement.array_r).copy()
         outputs, release = operators.outputs, state.release[None]
-        values = outputs.values(outputs.total(outputs.partial(here))[None], release)
+        loads, still = load_values(operators, np.zeros(1), static_only=True), np.zeros((1, len(outputs.accelerated)))
+        values = outputs.values(outputs.total(outputs.partial(here))[None], release, loads, still)
     share = LiftedShare(task.assembly, np.zeros(1))
     share.watch(0, here)
     take_snapshots(task, 1, lambda _: here, costly=False)

@@ -22,6 +22,8 @@ from uplift.drivers.results.folder import all_or_nothing, processor, versions, w
 from uplift.drivers.results.hdf5 import NAME as RESULTS
 from uplift.drivers.results.hdf5 import read_results, write_results
 from uplift.drivers.results.viewers import write_fields, write_film
+from uplift.forms.assembly.reactions import BY_GROUP
+from uplift.forms.operators import OutputGroup
 from uplift.meshes.gather import WholeMesh
 
 OPEN = "open contacts [%]"
@@ -74,12 +76,11 @@ def tables(assembly: AssembledScene, analysis: Analysis) -> dict[str, dict[str, 
             f"{name} gap [m]": gap[:, i] for i, name in enumerate(contacts.names)
         }
     if history.reactions.shape[1]:
-        reactions = assembly.operators.reactions
-        named = [f"{name} [{unit}]" for name, unit in zip(reactions.names, reactions.units, strict=True)]
-        result["reactions"] = {name: history.reactions[:, i] for i, name in enumerate(named)}
+        result["reactions"] = _named(assembly.operators.reactions, history.reactions)
         if contacts.names:
             lifted = history.openings(contacts.law) > 0
             result["reactions"][OPEN] = 100.0 * lifted.mean(axis=1)
+        result["reactions"] |= _named(assembly.operators.outputs[BY_GROUP], history.group(BY_GROUP))
     if history.ledger is not None:
         ledger = history.ledger
         stored = {"kinetic [J]": ledger.kinetic, "strain [J]": ledger.strain, "springs [J]": ledger.springs}
@@ -94,6 +95,11 @@ def _write_events(path: Path, events: ContactEvents) -> None:
         writer.writerow(["t", "contact", "event", "speed [m/s]"])
         for time, contact, kind, speed in zip(events.times, events.contacts, events.kinds, events.speeds, strict=True):
             writer.writerow([repr(float(time)), contact, kind, repr(float(speed))])
+
+
+def _named(group: OutputGroup, values: np.ndarray) -> dict[str, np.ndarray]:
+    """Return the columns of a group of outputs (nt, n), each with its unit."""
+    return {f"{name} [{unit}]": values[:, i] for i, (name, unit) in enumerate(zip(group.names, group.units, strict=True))}
 
 
 def printed_values(assembly: AssembledScene, analysis: Analysis) -> list[str]:
@@ -144,7 +150,8 @@ def _draw(assembly: AssembledScene, analysis: Analysis, folder: Path, mesh: Whol
             draw(plate_plots.draw_bed, folder / "bed.png", contacts.points, force, gap, row, f"{title}, t = {history.times[row]:g} s")
     for name, drawn in (("reactions", history_plots.draw_reactions), ("energy", history_plots.draw_energy)):
         if name in recorded and in_time:
-            draw(drawn, folder / f"{name}.png", history.times, recorded[name], title)
+            shown = {column: values for column, values in recorded[name].items() if "." not in column}  # not each group by itself
+            draw(drawn, folder / f"{name}.png", history.times, shown, title)
     if analysis.lifted is not None and np.sum(np.isfinite(analysis.lifted)) > FEW_INSTANTS:
         draw(history_plots.draw_uplift, folder / "uplift.png", history.times, analysis.lifted, title)
     if mesh is not None and displacement is not None:
@@ -173,6 +180,7 @@ def _summary(assembly: AssembledScene, analysis: Analysis) -> dict[str, Any]:
         "scene": scene.source,
         "dofs": assembly.operators.n,
         "mass_kg": assembly.plate.total_mass,
+        "moments_about_m": assembly.plate.moments_about.tolist(),
         "contacts": len(assembly.operators.contacts.names),
         "ranks": assembly.operators.comm.size,
         **analysis.notes,

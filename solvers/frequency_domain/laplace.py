@@ -133,7 +133,7 @@ def laplace_run(
     spectra = np.einsum("foj,fj->fo", transfer.outputs, amplitudes)
     if moved is not None:  # the velocity of a sudden start is s times the displacement less this
         spectra -= symbol.initial_damping[:, None] * moved
-    history = _history(operators, circle, spectra, rest, contact, every)
+    history = _history(operators, circle, spectra, rest, contact, drive.values[::every])
     history = replace(history, peak_field=field(history.peak))
     seconds = time.perf_counter() - begin
     return LaplaceRun(history, len(circle.points), transfer.factor_seconds, sweep_seconds, seconds, contact.tries, field)
@@ -195,18 +195,21 @@ def _march(
 
 
 def _history(
-    operators: Operators, circle: Circle, spectra: np.ndarray, rest: np.ndarray, contact: _Contact, every: int
+    operators: Operators, circle: Circle, spectra: np.ndarray, rest: np.ndarray, contact: _Contact, loads: np.ndarray
 ) -> History:
-    """Return the archived outputs from their transforms (n_points, n_rows); `rest` (n_local,) m is the state of rest."""
-    layout = operators.outputs
+    """Return the archived outputs from their transforms (n_points, n_rows); `rest` (n_local,) m is the state of rest.
+
+    `loads` (nt, n_loads) are the load histories at the archived instants.
+    """
+    layout, every = operators.outputs, circle.steps // (len(loads) - 1)
     linear = layout.total(layout.partial(rest)) + circle.inverse(spectra)
-    accelerations = second_differences(linear[:, layout.layout["probes"]], circle.step)[::every]
+    second = second_differences(linear[:, layout.accelerated], circle.step)[::every]
     release, inner = contact.release[::every], contact.inner[::every]
     force, gap = (release, None) if contact.law is None else (contact.law.support_force(release, inner), contact.law.openings(inner))
-    outputs = layout.values(linear[::every], force)
+    outputs = layout.values(linear[::every], force, loads, second)
     peak = int(np.argmax(farthest(outputs[:, layout.layout["probes"]], operators.probes.moving)))
     times = circle.step * np.arange(0, circle.steps + 1, every)
-    return History(times, outputs, layout, release, peak, accelerations=accelerations, gap=gap)
+    return History(times, outputs, layout, release, peak, accelerations=second[:, : len(operators.probes.names)], gap=gap)
 
 
 def _weights(circle: Circle, n: int) -> np.ndarray:

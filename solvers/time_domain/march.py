@@ -108,7 +108,7 @@ def transient(
             if loop.next <= n < steps:
                 loop.meet(n)
         loop.finish()
-    return archive.history(archived, ledger.ledger() if ledger is not None else None)
+    return archive.history(archived, drive.values[::every], ledger.ledger() if ledger is not None else None)
 
 
 def _show(observers: list[Observer], instants: Instants) -> None:
