@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -48,7 +49,10 @@ class Functionals:
 
 @dataclass(frozen=True)
 class LiftedArea:
-    """The share of the plate's area whose nodes have risen: a nodal field, 1 where DY > 0 and else 0, integrated over the cells."""
+    """The share of the plate's area whose nodes have risen: a nodal field, 1 where DY > 0 and else 0, integrated over the cells.
+
+    Without weights on any rank nothing can lift off, and there is no such share.
+    """
 
     rows: np.ndarray
     """Rows within this rank of the vertical displacements of its nodes."""
@@ -59,6 +63,11 @@ class LiftedArea:
     def partial(self, values: np.ndarray) -> np.ndarray:
         """Return this rank's share of the lifted area, in percent, for its part (n_local, ...) of solutions."""
         return 100.0 * (self.weights @ (values[self.rows] > 0))
+
+    @cached_property
+    def known(self) -> bool:
+        """Whether there is such a share (collective)."""
+        return bool(self.comm.allreduce(len(self.weights)))
 
     def total(self, partial: np.ndarray) -> np.ndarray:
         """Return the sum over ranks of shares of any shape (collective)."""

@@ -71,6 +71,8 @@ KINDS = {
         "grave", "Displacements or rotations are beyond those that the theory of small displacements describes.",
         "see what holds the plate; another theory",
     ),
+    "parts": Kind("doubt", "Parts with a material of their own share cells.", "groups that do not overlap"),
+    "normals": Kind("doubt", "A pressure acts on neighbouring cells whose normals point to opposite sides.", "turn cells in the mesher"),
     "unsettled": Kind("doubt", "The settling steps end away from the state of rest.", "more settling steps, or `start = 'static'`"),
     "wrap-around": Kind("doubt", "The end of the periodic window acts on its beginning.", "a longer window, or the exact sweep"),
     "aliasing": Kind("doubt", "Energy of a load above half the sampling rate comes back at a lower frequency.", "more samples"),

@@ -5,18 +5,18 @@ from __future__ import annotations
 import numpy as np
 
 from uplift.drivers.analysis.assembled_scene import Analysis
+from uplift.drivers.analysis.initial_state import rest_state
 from uplift.drivers.analysis.observers import LiftedShare, take_snapshots
 from uplift.drivers.analysis.task import Task
 from uplift.solvers.contact.published_passes import Passes
 from uplift.solvers.history import History
-from uplift.solvers.time_domain.initial import static_state
 from uplift.solvers.time_domain.state import load_values
 
 
 def run_static(task: Task) -> Analysis:
     """Find the static answer (collective)."""
     operators = task.operators
-    with task.assembly.clock.phase("solution"), static_state(operators, exact_uplift=True) as state:
+    with task.assembly.clock.phase("solution"), rest_state(task) as state:
         here = np.real(state.displacement.array_r).copy()
         outputs, release = operators.outputs, state.release[None]
         loads, still = load_values(operators, np.zeros(1), static_only=True), np.zeros((1, len(outputs.accelerated)))

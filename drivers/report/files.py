@@ -110,7 +110,7 @@ def printed_values(assembly: AssembledScene, analysis: Analysis) -> list[str]:
         return []
     lines = [f"{'pass':>6}{'t [s]':>10}" + "".join(f"{name + (' [rad]' if '.DR' in name else ' [m]'):>24}" for name in names)]
     if analysis.lifted is not None:
-        lines[0] += f"{'uplift [%]':>14}"
+        lines[0] += f"{'lifted area [%]':>17}"
     for index, history in enumerate(passes.histories):
         last = index == len(passes.histories) - 1
         number = passes.number if last else index + 1
@@ -122,7 +122,7 @@ def printed_values(assembly: AssembledScene, analysis: Analysis) -> list[str]:
                 continue
             line = f"{'exact' if analysis.exact else number:>6}{instant:>10.4g}" + "".join(f"{v:>24.15e}" for v in history.probes[row])
             if analysis.lifted is not None and last:
-                line += f"{analysis.lifted[row]:>14.4f}"
+                line += f"{analysis.lifted[row]:>17.4f}"
             lines.append(line)
     return lines
 

@@ -96,6 +96,7 @@ def assemble_plate(compiled: CompiledForms, model: PlateModel) -> AssembledPlate
     stiffness, mass, *damping = numbering.matrices(matrices, [(bonded + unilateral).tocoo(), extra_mass, no_entries][: len(matrices)])
     inertia = Inertia(field, numbering, placement, matrices[1])
     loads, on_held = load_list(field, numbering, placement, inertia)
+    field.say_what_is_doubtful()
     translations = {name[1:]: inertia.vector(AXES.index(name[1:])) for name in compiled.components if name[1:] in AXES[:TRANSLATIONS]}
     total_mass = inertia.total_mass()
     contacts, center = joint_matrices.contacts(placement, numbering), moments_about(compiled, model, by_group)

@@ -90,20 +90,25 @@ class LaplaceRun:
 
 
 def laplace_run(
-    operators: Operators, scheme: Scheme, step: float, steps: int, start: State, *, every: int = 1, exact_uplift: bool = True, **how: Any
+    operators: Operators, scheme: Scheme, step: float, steps: int, start: State, *, every: int = 1, exact_uplift: bool = True,
+    at_zero: bool = False, **how: Any
 ) -> LaplaceRun:
     """Sweep and march `steps` steps of `step` s from the state of rest `start` (collective).
 
     Every `every`-th step is archived. Without `exact_uplift` every contact stays bonded. `start` must be the static answer
-    to the static loads, or zero with all of them set upon it at time 0; its velocity is taken as zero. `how` holds further arguments of
+    to the static loads, or with `at_zero` the plate at zero, its joints in equilibrium and all other loads set upon it at time 0; its
+    velocity is taken as zero. `how` holds further arguments of
     the sweep, such as `groups` and `watch`. Many parameters because a march needs all of them.
     """
     circle = Circle(scheme, step, steps)
     symbol = circle.symbol
     drive = Drive.of(operators, step * np.arange(steps + 1))
     values = drive.values
+    balanced = load_values(operators, np.zeros(1), static_only=True)
+    if at_zero:
+        balanced = balanced * np.array([load.internal for load in operators.loads], dtype=float)
     if start.displacement.norm() > 0:
-        values = values - load_values(operators, np.zeros(1), static_only=True)
+        values = values - balanced
     n_loads, n_channels = len(operators.loads), operators.contacts.law.n_channels
     more, moved = [], None
     sudden = bool(np.any(values[0] != 0))
