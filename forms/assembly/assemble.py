@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -18,7 +19,7 @@ from uplift.forms.assembly.loads import Inertia, load_list
 from uplift.forms.assembly.nodes import at_nodes
 from uplift.forms.assembly.numbering import Numbering
 from uplift.forms.assembly.outputs import lifted_area, probe_outputs
-from uplift.forms.assembly.reactions import Reactions, moments_about
+from uplift.forms.assembly.reactions import Reactions, moments_about, rigid_rows
 from uplift.forms.assembly.row_labels import row_labels
 from uplift.forms.assembly.unrestrained import free_motions
 from uplift.forms.contact import joint_matrices
@@ -56,6 +57,8 @@ class AssembledPlate:
     """(n_local, 5) names of the rows that do not depend on the number of ranks (see `uplift.forms.assembly.row_labels`)."""
     moments_about: np.ndarray
     """(3,) m: the point about which the moments of the reactions are taken."""
+    resultant_motions: Callable[[], np.ndarray]
+    """Gives the rigid motions (k, n_local) that the resultants of the ground work on, joints unstrained."""
 
     def __enter__(self) -> AssembledPlate:
         """Return itself."""
@@ -129,6 +132,7 @@ def assemble_plate(compiled: CompiledForms, model: PlateModel) -> AssembledPlate
         model=shifted(model, level),
         labels=row_labels(compiled.space, numbering, placement.extra_nodes),
         moments_about=center + np.array([0.0, 0.0, level]),
+        resultant_motions=lambda: rigid_rows(field, placement, numbering, center),
     )
 
 

@@ -8,9 +8,10 @@ import numpy as np
 from scipy import sparse
 
 from uplift.forms.assembly.compiled_forms import CompiledForms
+from uplift.forms.assembly.full_space import FullSpace
 from uplift.forms.assembly.held_forces import effects_on_held, held_forces
 from uplift.forms.assembly.numbering import Numbering
-from uplift.forms.contact.ground_forces import Resultant, resultants, spring_forces
+from uplift.forms.contact.ground_forces import RESULTANTS, Resultant, resultants, spring_forces
 from uplift.forms.contact.placement import Placement
 from uplift.forms.contact.rigid_motions import foot_middle
 from uplift.forms.operators import OutputGroup
@@ -35,6 +36,18 @@ def moments_about(compiled: CompiledForms, model: PlateModel, held: dict[str, np
     parts = compiled.space.mesh.comm.allgather(compiled.space.tabulate_dof_coordinates()[nodes])
     points = np.concatenate(parts)
     return 0.5 * (points.min(axis=0) + points.max(axis=0)) if len(points) else np.zeros(3)
+
+
+def rigid_rows(field: FullSpace, placement: Placement, numbering: Numbering, center: np.ndarray) -> np.ndarray:
+    """Return the rigid motions (k, n_local) of the resultants, moments about `center` (3,) m, with contacts and joints unstrained."""
+    motions = [component for _, component in RESULTANTS[field.compiled.kind]]
+    found = np.zeros((len(motions), numbering.n_local))
+    for row, motion in zip(found, motions, strict=True):
+        whole = field.rigid(motion, center)
+        row[: numbering.n_free] = whole[numbering.local_row >= 0]
+        for component in placement.joints:  # its own dof is the motion of its node, or a strain
+            row[numbering.extra_row(component.extra)] = max(component.term.load[1], 0.0) * whole[component.dof]
+    return found
 
 
 class Reactions:
