@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -48,7 +49,10 @@ class Functionals:
 
 @dataclass(frozen=True)
 class LiftedArea:
-    """The share of the plate's area whose nodes have risen: a nodal field, 1 where DY > 0 and else 0, integrated over the cells."""
+    """The share of the plate's area whose nodes have risen: a nodal field, 1 where DY > 0 and else 0, integrated over the cells.
+
+    Without weights on any rank nothing can lift off, and there is no such share.
+    """
 
     rows: np.ndarray
     """Rows within this rank of the vertical displacements of its nodes."""
@@ -59,6 +63,11 @@ class LiftedArea:
     def partial(self, values: np.ndarray) -> np.ndarray:
         """Return this rank's share of the lifted area, in percent, for its part (n_local, ...) of solutions."""
         return 100.0 * (self.weights @ (values[self.rows] > 0))
+
+    @cached_property
+    def known(self) -> bool:
+        """Whether there is such a share (collective)."""
+        return bool(self.comm.allreduce(len(self.weights)))
 
     def total(self, partial: np.ndarray) -> np.ndarray:
         """Return the sum over ranks of shares of any shape (collective)."""
@@ -104,9 +113,10 @@ def no_contacts(n_local: int, comm: Any) -> Contacts:
 
 @dataclass(frozen=True)
 class OutputGroup:
-    """Outputs of one kind: rows y = local u + per_support_force s + constant, each with a name and a unit.
+    """Outputs of one kind: rows y = local u + per_velocity u' + per_support_force s + per_load h + constant, each with a name and a unit.
 
-    s (n_channels,) are the forces that stand against the supports' springs: the release forces, where auxiliary nodes have no mass.
+    s (n_channels,) are the forces that stand against the supports' springs: the release forces, where auxiliary nodes have no mass;
+    h (n_loads,) are the values of the load histories. To y is added the second derivative in time of the group `inertia`.
     """
 
     name: str
@@ -119,6 +129,12 @@ class OutputGroup:
     """(n, n_channels); None: zero."""
     constant: np.ndarray | None = None
     """(n,), of springs that are strained at zero displacement; None: zero."""
+    per_velocity: sparse.csr_matrix | None = None
+    """(n, n_local) s times the unit of `local`: weights on this rank's part of the velocity; None: zero."""
+    per_load: np.ndarray | None = None
+    """(n, n_loads): loads on dofs that conditions hold; None: zero."""
+    inertia: str = ""
+    """Name of the group of as many rows whose second derivative in time is added; empty: none."""
 
     @property
     def moving(self) -> np.ndarray:
@@ -133,12 +149,17 @@ class Outputs:
     groups: tuple[OutputGroup, ...]
     local: sparse.csr_matrix
     """(n_rows, n_local): the groups' rows one below the other."""
+    per_velocity: sparse.csr_matrix | None
+    """(n_rows, n_local): their weights on the velocity; None where no group has any, so that nobody pays for it."""
     comm: Any
 
     @staticmethod
     def of(groups: Sequence[OutputGroup], comm: Any) -> Outputs:
         """Return the outputs of some groups, of which there is at least one."""
-        return Outputs(tuple(groups), sparse.vstack([group.local for group in groups], format="csr"), comm)
+        local = sparse.vstack([group.local for group in groups], format="csr")
+        moved = [sparse.csr_matrix(g.local.shape) if g.per_velocity is None else g.per_velocity for g in groups]
+        damped = any(group.per_velocity is not None for group in groups)
+        return Outputs(tuple(groups), local, sparse.vstack(moved, format="csr") if damped else None, comm)
 
     @property
     def layout(self) -> dict[str, slice]:
@@ -158,25 +179,47 @@ class Outputs:
         """Return the sum over ranks of shares of any shape (collective)."""
         return _sum_over_ranks(partial, self.comm)
 
+    def velocity_rows(self, values: np.ndarray) -> np.ndarray | None:
+        """Return the parts (n_rows, ...) that velocities (n_local, ...) on this rank make, summed over the ranks; None: no such part."""
+        return None if self.per_velocity is None else self.total(self.per_velocity @ values)
+
     def linear(self, name: str, values: np.ndarray) -> np.ndarray:
         """Return the linear parts (n, ...) of one group for this rank's part (n_local, ...) of solutions (collective)."""
         return self.total(self[name].local @ values)
 
-    def values(self, linear: np.ndarray, support_force: np.ndarray) -> np.ndarray:
-        """Return the outputs (nt, n_rows) from their linear parts (nt, n_rows) and the support forces (nt, n_channels) N."""
-        whole = linear.copy()
+    @property
+    def accelerated(self) -> np.ndarray:
+        """The rows (n,) whose second derivative in time is wanted: the probes, then those that groups name as their inertia."""
+        layout = self.layout
+        wanted = ["probes", *(group.inertia for group in self.groups if group.inertia)]
+        return np.concatenate([np.arange(layout[name].start, layout[name].stop) for name in wanted])
+
+    def values(self, linear: np.ndarray, support_force: np.ndarray, loads: np.ndarray, second: np.ndarray) -> np.ndarray:
+        """Return the outputs (nt, n_rows) from their linear parts (nt, n_rows) and the support forces (nt, n_channels) N.
+
+        `loads` (nt, n_loads) are the load histories, `second` (nt, n) the second derivatives of the rows `accelerated`.
+        """
+        whole, taken = linear.copy(), len(self["probes"].names)
         for group, rows in zip(self.groups, self.layout.values(), strict=True):
             if group.per_support_force is not None:
                 whole[:, rows] += support_force @ group.per_support_force.T
             if group.constant is not None:
                 whole[:, rows] += group.constant
+            if group.per_load is not None:
+                whole[:, rows] += loads @ group.per_load.T
+            if group.inertia:
+                whole[:, rows] += second[:, taken : taken + len(group.names)]
+                taken += len(group.names)
         return whole
 
     def projected(self, vectors: np.ndarray, comm: Any) -> Outputs:
         """Return the outputs of coordinates of `vectors` (n_local, m), whole on every rank, with communicator `comm` (collective)."""
-        whole = self.total(self.partial(vectors))
-        parts = zip(self.groups, self.layout.values(), strict=True)
-        return Outputs.of([replace(group, local=sparse.csr_matrix(whole[rows])) for group, rows in parts], comm)
+        whole, moved = self.total(self.partial(vectors)), self.velocity_rows(vectors)
+        groups = []
+        for group, rows in zip(self.groups, self.layout.values(), strict=True):
+            damped = None if group.per_velocity is None or moved is None else sparse.csr_matrix(moved[rows])
+            groups.append(replace(group, local=sparse.csr_matrix(whole[rows]), per_velocity=damped))
+        return Outputs.of(groups, comm)
 
 
 @dataclass(frozen=True)

@@ -71,6 +71,8 @@ KINDS = {
         "grave", "Displacements or rotations are beyond those that the theory of small displacements describes.",
         "see what holds the plate; another theory",
     ),
+    "parts": Kind("doubt", "Parts with a material of their own share cells.", "groups that do not overlap"),
+    "normals": Kind("doubt", "A pressure acts on neighbouring cells whose normals point to opposite sides.", "turn cells in the mesher"),
     "unsettled": Kind("doubt", "The settling steps end away from the state of rest.", "more settling steps, or `start = 'static'`"),
     "wrap-around": Kind("doubt", "The end of the periodic window acts on its beginning.", "a longer window, or the exact sweep"),
     "aliasing": Kind("doubt", "Energy of a load above half the sampling rate comes back at a lower frequency.", "more samples"),
@@ -84,7 +86,15 @@ KINDS = {
         "doubt", "The largest displacement stands at the end of the run: the peak may lie beyond.", "a longer duration"
     ),
     "flight": Kind("doubt", "All contacts are open at once.", "see whether that is meant; sideways springs still hold the plate"),
-    "numerical energy": Kind("doubt", "The time scheme takes away or adds more than 2 % of the energy.", "a smaller step"),
+    "numerical energy": Kind(
+        "doubt", "The time scheme takes away or makes more than 2 % of the energy that loads and start have put in; at impacts on stops "
+        "average acceleration, hht and generalised-alpha make it without bound, the more the smaller the step (grave from all of it on).",
+        "a smaller step; with impacts the method exact, generalised-alpha with `rho_infinity = 0`, newmark with beta = 0.36, gamma = 0.7",
+    ),
+    "equilibrium": Kind(
+        "doubt", "Loads, inertia and reactions miss each other by more than 1e-6 of the largest force at an archived instant.",
+        "a lower stiffness for what is nearly rigid",
+    ),
     "picture": Kind("note", "A picture could not be drawn; all other files are there."),
     "checkpoint": Kind("note", "A checkpoint is missing, replaced or could not be written.", "`--resume`, or let it be replaced"),
     "error in time": Kind("doubt", "The time integration is off by more than two percent."),

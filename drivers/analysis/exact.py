@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from uplift.drivers.analysis.assembled_scene import Analysis, ContactEvents
-from uplift.drivers.analysis.initial_state import rests
+from uplift.drivers.analysis.initial_state import rest_state, rests
 from uplift.drivers.analysis.observers import LiftedShare, Watchers
 from uplift.drivers.analysis.task import Task
 from uplift.meshes.checked import ModelError
@@ -16,10 +16,12 @@ from uplift.meshes.findings import say
 from uplift.solvers.contact.published_passes import Passes
 from uplift.solvers.history import History, farthest
 from uplift.solvers.time_domain.initial import static_state
+from uplift.solvers.time_domain.state import load_values
 
 if TYPE_CHECKING:
     from uplift.solvers.time_domain.exact.model import DenseModel
     from uplift.solvers.time_domain.exact.solution import ExactHistory
+    from uplift.solvers.time_domain.exact.starts import Start
 
 MAX_DENSE_DOFS = 200
 """Up to so many dofs the motion is exact in all of them; a larger model is projected on a Krylov basis first."""
@@ -49,12 +51,16 @@ def run_exact(task: Task) -> Analysis:
                 if not rests(task, static):
                     words = "the method exact starts from a state of rest, and the settling steps end in motion; set start = 'static'"
                     raise ModelError("transient.start", words)
-        start = rest_start(model) if settings.start == "rest" else static_start(model)
+        if any(model.internal):
+            start = _across_gaps(task)
+        else:
+            start = rest_start(model) if settings.start == "rest" else static_start(model)
         found = solve(model, settings.archived, start, energy=True)
         history, lifted = _history(task, model, found), _lifted(task, found)
     if found.error > DOUBTFUL_ERROR:
         say("error in time", f"the time integration is estimated to be off by {found.error:.1%} of the largest value of its kind")
-    notes = task.notes | _notes(model, found)
+    partial = {name for group in task.operators.outputs.groups if group.inertia for name in group.names}
+    notes = task.notes | _notes(model, found, partial)
     return Analysis("exact", Passes([history], number=1), True, lifted=lifted, notes=notes, events=_events(model, found))
 
 
@@ -71,19 +77,35 @@ def _history(task: Task, model: DenseModel, found: ExactHistory) -> History:
     """Return the archived outputs in the order of the model's own."""
     outputs = task.operators.outputs
     column = 0
-    values = np.zeros((len(found.times), outputs.local.shape[0]))
+    values, second = np.zeros((2, len(found.times), outputs.local.shape[0]))
     for name, rows in outputs.layout.items():
         if name == "elongation":
             values[:, rows] = found.displacement @ model.elongation.T
         else:
-            values[:, rows] = found.outputs[:, column : column + rows.stop - rows.start]
-            column += rows.stop - rows.start
+            here = slice(column, column + rows.stop - rows.start)
+            values[:, rows], second[:, rows] = found.outputs[:, here], found.accelerations[:, here]
+            column = here.stop
+    loads = load_values(task.operators, found.times)
+    for group, rows in zip(outputs.groups, outputs.layout.values(), strict=True):  # springs and velocities are in them already
+        if group.per_load is not None:
+            values[:, rows] += loads @ group.per_load.T
+        if group.inertia:
+            values[:, rows] += second[:, outputs.layout[group.inertia]]
     probes = outputs.layout["probes"]
     peak = int(np.argmax(farthest(values[:, probes], task.operators.probes.moving)))
     return History(
         found.times, values, outputs, found.release, peak, task.operators.reconstruct(_own(task, found.displacement[peak])),
         found.ledger, found.accelerations[:, : probes.stop - probes.start], found.gap,
     )
+
+
+def _across_gaps(task: Task) -> Start:
+    """Return the state of rest of a model with gaps or preloads (collective)."""
+    from uplift.solvers.time_domain.exact.starts import Start
+
+    with rest_state(task) as state:
+        displacement = np.concatenate(task.operators.comm.allgather(np.real(state.displacement.array_r).copy()))
+    return Start(displacement, np.zeros(len(displacement)), state.release)
 
 
 def _own(task: Task, displacement: np.ndarray) -> np.ndarray:
@@ -115,8 +137,11 @@ def _events(model: DenseModel, found: ExactHistory) -> ContactEvents | None:
     )
 
 
-def _notes(model: DenseModel, found: ExactHistory) -> dict[str, Any]:
-    """Return what the summary says: how it was done, the error in time, and extremes between the archived instants."""
+def _notes(model: DenseModel, found: ExactHistory, partial: set[str]) -> dict[str, Any]:
+    """Return what the summary says: how it was done, the error in time, and extremes between the archived instants.
+
+    Of the outputs `partial` that have parts in accelerations and loads as well, extremes between instants are not known.
+    """
     notes: dict[str, Any] = {"reason": found.reason, "relative_error_in_time": found.error}
     if found.events is not None:
         notes["events"] = len(found.events)
@@ -125,5 +150,6 @@ def _notes(model: DenseModel, found: ExactHistory) -> dict[str, Any]:
         notes["extremes_between_instants"] = {
             name: {"max": float(high), "t_max": float(t_high), "min": float(low), "t_min": float(t_low)}
             for name, high, low, t_high, t_low in zip(names, *found.peak_values, *found.peak_times, strict=True)
+            if name not in partial
         }
     return {"exact": notes}

@@ -10,6 +10,7 @@ from uplift.drivers.analysis.assembled_scene import Analysis
 from uplift.drivers.analysis.task import Task
 from uplift.drivers.analysis.transient import run_transient
 from uplift.meshes.findings import say
+from uplift.solvers.contact.auxiliary_nodes import AuxiliaryNodes
 
 
 def run_modal(task: Task) -> Analysis:
@@ -24,7 +25,8 @@ def run_modal(task: Task) -> Analysis:
         found = modes(operators, number=modal.number, band=modal.band, shift=modal.shift)
         basis = found.basis
         if modal.static_correction:
-            basis = with_static_answers(operators, basis)
+            heavy = AuxiliaryNodes(operators.contacts.law, task.settings.step).any
+            basis = with_static_answers(operators, basis, shift=found.shift, joints=heavy)
         elif task.exact and operators.contacts.names:
             say("modes alone", "modes alone give the contact forces badly and exact uplift with them: set modal.static_correction = true")
         small = project(operators, basis, diagonal=modal.diagonal)

@@ -16,7 +16,7 @@ class LiftedShare:
     def __init__(self, assembly: AssembledScene, times: np.ndarray) -> None:
         """Take the archived instants (nt,) s."""
         self._area = assembly.plate.lifted_area
-        self.rows = assembly.scene.output.uplift_rows(times)
+        self.rows = assembly.scene.output.uplift_rows(times) & self._area.known
         self.partial = np.full(len(times), np.nan)
 
     def watch(self, row: int, values: np.ndarray) -> None:

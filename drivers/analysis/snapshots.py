@@ -117,7 +117,8 @@ class Snapshots:
         if not fields:
             return None
         nodal = [vectors_in_space(self._assembly.plate.displacement(values)) for values in fields]
-        lifted = self._assembly.plate.lifted_area.total(self._lifted)
+        area = self._assembly.plate.lifted_area
+        lifted = area.total(self._lifted) if area.known else None
         mesh = gather_mesh(self._assembly.tagged)
         packed = gather_nodal(self._assembly.tagged, self._assembly.plate.space, np.concatenate(nodal, axis=1))
         if mesh is None or packed is None:

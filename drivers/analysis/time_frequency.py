@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from uplift.drivers.analysis.assembled_scene import Analysis
-from uplift.drivers.analysis.initial_state import rests
+from uplift.drivers.analysis.initial_state import rest_state, rests
 from uplift.drivers.analysis.observers import LiftedShare, take_snapshots
 from uplift.drivers.analysis.passes import run_passes
 from uplift.drivers.analysis.task import Task
@@ -13,8 +13,6 @@ from uplift.meshes.checked import ModelError
 from uplift.meshes.findings import say
 from uplift.solvers.contact.published_passes import Passes
 from uplift.solvers.frequency_domain.window import Window
-from uplift.solvers.time_domain.initial import static_state
-from uplift.solvers.time_domain.state import at_rest
 
 WRAPPED = 0.01
 """Part of the largest response that may be left at the end of a window before the run warns of wrap-around."""
@@ -29,14 +27,14 @@ def run_laplace(task: Task) -> Analysis:
 
     settings, operators, clock = task.settings, task.operators, task.assembly.clock
     with clock.remainder("sweep" if task.reduced else "solution"):
-        start = at_rest(operators) if settings.start == "rest" else static_state(operators, exact_uplift=True)
+        start = rest_state(task)
         if not rests(task, start):
             words = "the sweep starts from a state of rest, and the settling steps end in motion; set start = 'static'"
             raise ModelError("transient.start", words)
         with start:
             run = laplace_run(
                 operators, settings.scheme, settings.step, settings.steps, start,
-                every=settings.every, groups=task.groups, watch=task.watch,
+                every=settings.every, at_zero=settings.start == "rest", groups=task.groups, watch=task.watch,
             )
         clock.add("factorisation", run.factor_seconds)
         clock.add("march", run.march_seconds)

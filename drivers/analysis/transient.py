@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from uplift.drivers.analysis.assembled_scene import Analysis
 from uplift.drivers.analysis.initial_state import start_state
 from uplift.drivers.analysis.observers import LiftedShare, Watchers
 from uplift.drivers.analysis.passes import run_passes
+from uplift.drivers.analysis.equilibrium import equilibrium_notes, equilibrium_of
 from uplift.drivers.analysis.task import Task
 from uplift.solvers.contact.published_passes import Passes
 from uplift.solvers.history import History
+from uplift.solvers.time_domain.equilibrium import Equilibrium
 from uplift.solvers.time_domain.march import Stepper, stepper_of, transient
 from uplift.solvers.time_domain.newmark import Newmark
-from uplift.solvers.time_domain.state import State
+from uplift.solvers.time_domain.observers import Observer
+from uplift.solvers.time_domain.state import State, load_values
 
 LEDGER_DOFS = 50_000
 """Up to this size the ledger of energies is kept, whose products of matrix and vector then cost less than the rest of a step."""
@@ -29,12 +34,25 @@ def run_transient(task: Task) -> Analysis:
     ):
         if isinstance(stepper, Newmark):
             clock.add("factorisation", stepper.solver.factor_seconds)
-        passes, lifted = _march(task, start, stepper)
+        equilibrium = _equilibrium(task, stepper)
+        passes, lifted = _march(task, start, stepper, () if equilibrium is None else (equilibrium,))
         tries = stepper.contacts.tries if stepper.contacts is not None else None
-    return Analysis(task.request.method, passes, task.exact, tries=tries, lifted=lifted, notes=task.notes)
+    notes = task.notes | (equilibrium_notes(task.assembly, equilibrium) if equilibrium is not None and passes.ended != "diverged" else {})
+    return Analysis(task.request.method, passes, task.exact, tries=tries, lifted=lifted, notes=notes)
 
 
-def _march(task: Task, start: State, stepper: Stepper) -> tuple[Passes, np.ndarray | None]:
+def _equilibrium(task: Task, stepper: Stepper) -> Equilibrium | None:
+    """Return what watches the equilibrium, which holds at the instants themselves.
+
+    None in a basis, for schemes that balance between them, and for heavy joints, whose nodes swing below open contacts.
+    """
+    scheme, contacts = task.settings.scheme, stepper.contacts
+    if task.reduced or scheme.alpha_m or scheme.alpha_f or (contacts is not None and contacts.n_inner):
+        return None
+    return equilibrium_of(task.assembly, load_values(task.operators, task.settings.archived), task.settings.every)
+
+
+def _march(task: Task, start: State, stepper: Stepper, observers: Sequence[Observer]) -> tuple[Passes, np.ndarray | None]:
     """Return the histories and the lifted share of the area (nt,) in percent, where the scene asks for it."""
     settings, snapshots = task.settings, task.snapshots
     share = LiftedShare(task.assembly, settings.archived)
@@ -45,7 +63,7 @@ def _march(task: Task, start: State, stepper: Stepper) -> tuple[Passes, np.ndarr
             snapshots.start(len(settings.archived))
         return transient(
             stepper, start, settings.steps, every=settings.every, release=release,
-            energy=task.operators.n <= LEDGER_DOFS, watcher=watchers, watch=task.watch,
+            energy=task.operators.n <= LEDGER_DOFS, watcher=watchers, more=observers, watch=task.watch,
         )
 
     passes = Passes([solve(None)], number=1) if task.exact else run_passes(solve, task)

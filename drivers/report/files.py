@@ -22,6 +22,8 @@ from uplift.drivers.results.folder import all_or_nothing, processor, versions, w
 from uplift.drivers.results.hdf5 import NAME as RESULTS
 from uplift.drivers.results.hdf5 import read_results, write_results
 from uplift.drivers.results.viewers import write_fields, write_film
+from uplift.forms.assembly.reactions import BY_GROUP
+from uplift.forms.operators import OutputGroup
 from uplift.meshes.gather import WholeMesh
 
 OPEN = "open contacts [%]"
@@ -74,12 +76,11 @@ def tables(assembly: AssembledScene, analysis: Analysis) -> dict[str, dict[str, 
             f"{name} gap [m]": gap[:, i] for i, name in enumerate(contacts.names)
         }
     if history.reactions.shape[1]:
-        reactions = assembly.operators.reactions
-        named = [f"{name} [{unit}]" for name, unit in zip(reactions.names, reactions.units, strict=True)]
-        result["reactions"] = {name: history.reactions[:, i] for i, name in enumerate(named)}
+        result["reactions"] = _named(assembly.operators.reactions, history.reactions)
         if contacts.names:
             lifted = history.openings(contacts.law) > 0
             result["reactions"][OPEN] = 100.0 * lifted.mean(axis=1)
+        result["reactions"] |= _named(assembly.operators.outputs[BY_GROUP], history.group(BY_GROUP))
     if history.ledger is not None:
         ledger = history.ledger
         stored = {"kinetic [J]": ledger.kinetic, "strain [J]": ledger.strain, "springs [J]": ledger.springs}
@@ -96,6 +97,11 @@ def _write_events(path: Path, events: ContactEvents) -> None:
             writer.writerow([repr(float(time)), contact, kind, repr(float(speed))])
 
 
+def _named(group: OutputGroup, values: np.ndarray) -> dict[str, np.ndarray]:
+    """Return the columns of a group of outputs (nt, n), each with its unit."""
+    return {f"{name} [{unit}]": values[:, i] for i, (name, unit) in enumerate(zip(group.names, group.units, strict=True))}
+
+
 def printed_values(assembly: AssembledScene, analysis: Analysis) -> list[str]:
     """Return the lines of the table of probes at the instants that the scene asks for, pass by pass; of a static run at its only one."""
     names, passes = assembly.operators.probes.names, analysis.passes
@@ -104,7 +110,7 @@ def printed_values(assembly: AssembledScene, analysis: Analysis) -> list[str]:
         return []
     lines = [f"{'pass':>6}{'t [s]':>10}" + "".join(f"{name + (' [rad]' if '.DR' in name else ' [m]'):>24}" for name in names)]
     if analysis.lifted is not None:
-        lines[0] += f"{'uplift [%]':>14}"
+        lines[0] += f"{'lifted area [%]':>17}"
     for index, history in enumerate(passes.histories):
         last = index == len(passes.histories) - 1
         number = passes.number if last else index + 1
@@ -116,7 +122,7 @@ def printed_values(assembly: AssembledScene, analysis: Analysis) -> list[str]:
                 continue
             line = f"{'exact' if analysis.exact else number:>6}{instant:>10.4g}" + "".join(f"{v:>24.15e}" for v in history.probes[row])
             if analysis.lifted is not None and last:
-                line += f"{analysis.lifted[row]:>14.4f}"
+                line += f"{analysis.lifted[row]:>17.4f}"
             lines.append(line)
     return lines
 
@@ -144,7 +150,8 @@ def _draw(assembly: AssembledScene, analysis: Analysis, folder: Path, mesh: Whol
             draw(plate_plots.draw_bed, folder / "bed.png", contacts.points, force, gap, row, f"{title}, t = {history.times[row]:g} s")
     for name, drawn in (("reactions", history_plots.draw_reactions), ("energy", history_plots.draw_energy)):
         if name in recorded and in_time:
-            draw(drawn, folder / f"{name}.png", history.times, recorded[name], title)
+            shown = {column: values for column, values in recorded[name].items() if "." not in column}  # not each group by itself
+            draw(drawn, folder / f"{name}.png", history.times, shown, title)
     if analysis.lifted is not None and np.sum(np.isfinite(analysis.lifted)) > FEW_INSTANTS:
         draw(history_plots.draw_uplift, folder / "uplift.png", history.times, analysis.lifted, title)
     if mesh is not None and displacement is not None:
@@ -173,6 +180,7 @@ def _summary(assembly: AssembledScene, analysis: Analysis) -> dict[str, Any]:
         "scene": scene.source,
         "dofs": assembly.operators.n,
         "mass_kg": assembly.plate.total_mass,
+        "moments_about_m": assembly.plate.moments_about.tolist(),
         "contacts": len(assembly.operators.contacts.names),
         "ranks": assembly.operators.comm.size,
         **analysis.notes,

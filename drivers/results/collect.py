@@ -9,6 +9,8 @@ import numpy as np
 from uplift.drivers.analysis.snapshots import vectors_in_space
 from uplift.drivers.results.contact_lines import contact_lines
 from uplift.drivers.results.results import Results, Series, floor_spectra
+from uplift.forms.assembly.points import in_words
+from uplift.forms.assembly.reactions import BY_GROUP
 from uplift.forms.contact.supports import TRANSLATIONS
 from uplift.forms.operators import OutputGroup
 
@@ -28,7 +30,9 @@ def collect(
     unilateral = [support for support in model.supports if support.unilateral]
     if operators.contacts.names:
         series |= _contacts(assembly, analysis)
-    series |= _reactions(operators.reactions, history.reactions)
+    about = f"Their moments about {in_words(assembly.plate.moments_about)}"
+    series |= _reactions(operators.reactions, history.reactions, "", about)
+    series |= _reactions(operators.outputs[BY_GROUP], history.group(BY_GROUP), " by group", about)
     watched = snapshot_data is not None and snapshot_data.watched > 0
     lifted = snapshot_data.lifted if snapshot_data is not None and watched else analysis.lifted
     if lifted is not None:
@@ -120,10 +124,10 @@ def _contacts(assembly: AssembledScene, analysis: Analysis) -> dict[str, Series]
     return series
 
 
-def _reactions(group: OutputGroup, values: np.ndarray) -> dict[str, Series]:
+def _reactions(group: OutputGroup, values: np.ndarray, which: str, moments_about: str) -> dict[str, Series]:
     names, moments = group.names, np.array([unit == "N m" for unit in group.units], dtype=bool)
-    parts = (("reactions/force", ~moments, "N", "Resultants of the ground's forces on the plate"),
-             ("reactions/moment", moments, "N m", "Their moments about the middle of the plate's foot"))
+    parts = ((f"reactions/force{which}", ~moments, "N", f"Resultants of the ground's forces on the plate{which}"),
+             (f"reactions/moment{which}", moments, "N m", moments_about))
     return {
         path: Series(tuple(name for name, wanted in zip(names, mask, strict=True) if wanted), unit, values[:, mask], about)
         for path, mask, unit, about in parts

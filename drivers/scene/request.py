@@ -52,8 +52,6 @@ class Request:
             raise ModelError("supports.mass", "the method exact takes joints without mass: set it to 0, or take the method transient")
         if self.passes and any(s.unilateral and s.sideways == "released" for s in scene.model.supports):
             raise ModelError("supports", "the published passes cannot release a support sideways; leave out --iterations")
-        if self._from_rest(scene) and any(s.unilateral and s.settlement != 0 for s in scene.model.supports):
-            raise ModelError("transient.start", "expected 'static' or 'settled' where a support has a gap or a preload")
 
     def check_held(self, scene: Scene, unrestrained: tuple[str, ...]) -> None:
         """Raise `ModelError` if the method needs a static state and nothing holds the plate against the motions `loose`."""

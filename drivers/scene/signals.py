@@ -27,7 +27,7 @@ class Tabulated(Checked):
     """A signal replaced by a table of its values, linear between them, as published cases have it."""
 
     table_step: float | None = quantity("step of the table; none: the smooth signal", "s", default=None, above=0.0, at_most=LARGEST)
-    table_digits: int = quantity("significant digits of the table, rounded up", default=17, at_least=1, at_most=17)
+    table_digits: int = quantity("significant digits of the table, rounded to nearest", default=17, at_least=1, at_most=17)
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -11,18 +12,18 @@ from petsc4py import PETSc
 from scipy import sparse
 
 from uplift.forms.assembly.compiled_forms import CompiledForms
-from uplift.forms.assembly.conditions import held_dofs
+from uplift.forms.assembly.conditions import held_by_group
 from uplift.forms.assembly.full_space import FullSpace
 from uplift.forms.assembly.level import shifted
 from uplift.forms.assembly.loads import Inertia, load_list
 from uplift.forms.assembly.nodes import at_nodes
 from uplift.forms.assembly.numbering import Numbering
 from uplift.forms.assembly.outputs import lifted_area, probe_outputs
+from uplift.forms.assembly.reactions import Reactions, moments_about, rigid_rows
 from uplift.forms.assembly.row_labels import row_labels
 from uplift.forms.assembly.unrestrained import free_motions
 from uplift.forms.contact import joint_matrices
 from uplift.forms.contact.placement import place
-from uplift.forms.contact.rigid_motions import foot_middle
 from uplift.forms.contact.supports import AXES, TRANSLATIONS
 from uplift.forms.operators import Contacts, LiftedArea, Operators, Outputs, elongation_group
 from uplift.forms.parameters import PlateModel, Probe
@@ -54,6 +55,10 @@ class AssembledPlate:
     """The model with the points of whatever stands on a group of the mesh."""
     labels: np.ndarray
     """(n_local, 5) names of the rows that do not depend on the number of ranks (see `uplift.forms.assembly.row_labels`)."""
+    moments_about: np.ndarray
+    """(3,) m: the point about which the moments of the reactions are taken."""
+    resultant_motions: Callable[[], np.ndarray]
+    """Gives the rigid motions (k, n_local) that the resultants of the ground work on, joints unstrained."""
 
     def __enter__(self) -> AssembledPlate:
         """Return itself."""
@@ -83,7 +88,8 @@ def assemble_plate(compiled: CompiledForms, model: PlateModel) -> AssembledPlate
     level = compiled.tagged.level
     model = _spelled_out(compiled, shifted(model, -level))
     field = FullSpace(compiled, model)
-    held = held_dofs(model.conditions, compiled.tagged, compiled.space, compiled.components, compiled.kind)
+    by_group = held_by_group(model.conditions, compiled.tagged, compiled.space, compiled.components, compiled.kind)
+    held = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *by_group.values()]))
     placement = place(compiled.space, compiled.components, compiled.kind, model)
     placement.refuse_held(held, compiled.space.mesh.comm)
     numbering = Numbering(compiled.space, held, placement.n_extra)
@@ -92,14 +98,15 @@ def assemble_plate(compiled: CompiledForms, model: PlateModel) -> AssembledPlate
     no_entries = sparse.coo_matrix((numbering.n_local, numbering.n_local))
     stiffness, mass, *damping = numbering.matrices(matrices, [(bonded + unilateral).tocoo(), extra_mass, no_entries][: len(matrices)])
     inertia = Inertia(field, numbering, placement, matrices[1])
-    loads = load_list(field, numbering, placement, inertia)
+    loads, on_held = load_list(field, numbering, placement, inertia)
+    field.say_what_is_doubtful()
     translations = {name[1:]: inertia.vector(AXES.index(name[1:])) for name in compiled.components if name[1:] in AXES[:TRANSLATIONS]}
     total_mass = inertia.total_mass()
+    contacts, center = joint_matrices.contacts(placement, numbering), moments_about(compiled, model, by_group)
+    reactions = Reactions(compiled, model, placement, numbering).groups(by_group, matrices, on_held, center)
     for matrix in matrices:
         matrix.destroy()
-    contacts = joint_matrices.contacts(placement, numbering)
-    reactions = joint_matrices.reactions(placement, numbering, compiled.kind, foot_middle(model))
-    groups = [probe_outputs(compiled, numbering, model), elongation_group(contacts), reactions]
+    groups = [probe_outputs(compiled, numbering, model), elongation_group(contacts), *reactions]
     operators = Operators(
         stiffness=stiffness,
         mass=mass,
@@ -124,6 +131,8 @@ def assemble_plate(compiled: CompiledForms, model: PlateModel) -> AssembledPlate
         unrestrained=free_motions(compiled, model, held),
         model=shifted(model, level),
         labels=row_labels(compiled.space, numbering, placement.extra_nodes),
+        moments_about=center + np.array([0.0, 0.0, level]),
+        resultant_motions=lambda: rigid_rows(field, placement, numbering, center),
     )
 
 

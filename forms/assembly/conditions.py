@@ -19,12 +19,14 @@ STRAIGHT = 1e-6
 """Largest sine of the angle between an edge and an axis that it runs along."""
 
 
-def held_dofs(conditions: tuple[Condition, ...], tagged: TaggedMesh, space: Space, components: tuple[str, ...], kind: str) -> np.ndarray:
-    """Return the owned scalar dofs that the conditions hold, sorted (collective).
+def held_by_group(
+    conditions: tuple[Condition, ...], tagged: TaggedMesh, space: Space, components: tuple[str, ...], kind: str
+) -> dict[str, np.ndarray]:
+    """Return the owned scalar dofs that the conditions of each group hold, sorted (collective).
 
     Raises `ModelError` for a group that the mesh does not have, and for an edge condition by name that means nothing there.
     """
-    held = [np.zeros(0, dtype=np.int64)]
+    held: dict[str, np.ndarray] = {}
     for condition in conditions:
         key = f"conditions[{groups_in_words(condition.group)}]"
         try:
@@ -33,8 +35,9 @@ def held_dofs(conditions: tuple[Condition, ...], tagged: TaggedMesh, space: Spac
         except ModelError as error:
             raise ModelError(f"{key}.{error.key}" if error.key else key, error.message) from None
         columns = [components.index(name) for name in names if name in components]
-        held.append((len(components) * nodes[:, None] + np.array(columns, dtype=np.int64)).ravel())
-    return np.unique(np.concatenate(held))
+        name, dofs = groups_in_words(condition.group), (len(components) * nodes[:, None] + np.array(columns, dtype=np.int64)).ravel()
+        held[name] = np.unique(np.concatenate([held.get(name, dofs), dofs]))
+    return held
 
 
 def _names_of_edge(condition: Condition, tagged: TaggedMesh, kind: str) -> tuple[str, ...]:

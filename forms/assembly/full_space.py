@@ -11,12 +11,15 @@ from dolfinx.fem.petsc import assemble_matrix, assemble_vector
 from petsc4py import PETSc
 
 from uplift.forms.assembly.compiled_forms import CompiledForms
+from uplift.forms.assembly.normals import disagreeing, orientation
+from uplift.forms.assembly.points import in_words
 from uplift.forms.contact.rigid_motions import rigid_value
 from uplift.forms.contact.supports import AXES, TRANSLATIONS
 from uplift.forms.parameters import Part, PlateModel, Pressure
 from uplift.forms.shells.material import Material
 from uplift.meshes.checked import ModelError
 from uplift.meshes.compat import Mat
+from uplift.meshes.findings import say
 from uplift.meshes.groups import GroupNames, groups_in_words
 
 
@@ -45,6 +48,25 @@ class FullSpace:
             function.x.array[:] = getattr(self.model.material, field.name) * factor(self.model.material)
             for part in self.model.parts:
                 function.x.array[self._cells[part.group]] = getattr(part.material, field.name) * factor(part.material)
+
+    def say_what_is_doubtful(self) -> None:
+        """Say where parts overlap, and where a pressure acts on neighbouring cells of opposite normals (collective)."""
+        comm, owned = self.tagged.mesh.comm, self.tagged.mesh.topology.index_map(2).size_local
+        for second, later in enumerate(self.model.parts):
+            for earlier in self.model.parts[:second]:
+                both = np.intersect1d(self._cells[earlier.group], self._cells[later.group])
+                shared = comm.allreduce(int(np.sum(both < owned)))
+                if shared:
+                    one, other = groups_in_words(earlier.group), groups_in_words(later.group)
+                    say("parts", f"the parts {one!r} and {other!r} share {shared} cells, which are of {other!r}, the later one")
+        for pressure in self.model.pressures:
+            cells = self.tagged.cells(pressure.group) if pressure.group else np.arange(owned)
+            pairs, middle = disagreeing(self.tagged.mesh, cells[cells < owned])
+            found = [(here, place) for here, place in comm.allgather((pairs, middle)) if here]
+            if found:
+                count = sum(here for here, _ in found)
+                say("normals", f"the pressure {pressure.name!r} acts to opposite sides of {count} pairs of neighbouring cells, one around "
+                    f"{in_words(found[0][1])}: their normals, which follow the order of their nodes, disagree")
 
     def matrix(self, form: Any) -> Mat:
         """Assemble a matrix with the present material."""
@@ -91,6 +113,7 @@ class FullSpace:
         value.x.array[:] = 0.0 if pressure.group else pressure.value
         if pressure.group:
             value.x.array[self.tagged.cells(pressure.group)] = pressure.value
+        value.x.array[:] *= orientation(self.tagged.mesh)
         vector = assemble_vector(self.compiled.pressure)
         vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
         owned = self.compiled.space.dofmap.index_map.size_local * len(self.compiled.components)

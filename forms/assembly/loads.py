@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from uplift.forms.assembly.compiled_forms import CompiledForms
@@ -11,9 +13,9 @@ from uplift.forms.assembly.points import owned_nodes
 from uplift.forms.contact import joint_matrices
 from uplift.forms.contact.placement import Placement
 from uplift.forms.contact.supports import AXES
-from uplift.forms.loads.signals import Constant
+from uplift.forms.loads.signals import Constant, Signal
 from uplift.forms.operators import Load
-from uplift.forms.parameters import Force, GroundMotion, Pressure
+from uplift.forms.parameters import Force, Pressure
 from uplift.forms.shells.kinematics import up_of
 from uplift.meshes.checked import ModelError
 from uplift.meshes.compat import Mat, Vec
@@ -37,10 +39,15 @@ class Inertia:
 
     def vector(self, motion: int, center: np.ndarray | None = None) -> Vec:
         """Return the mass times the unit rigid motion along or about an axis through `center` (PETSc vector of the system)."""
-        center = np.zeros(3) if center is None else center
-        vector = self._numbering.vector(self._of_field(motion, center))
-        vector.array[:] += joint_matrices.inertia(self._placement, self._numbering, motion, center)
+        on_field, on_joints = self.parts(motion, np.zeros(3) if center is None else center)
+        vector = self._numbering.vector(on_field)
+        vector.array[:] += on_joints
         return vector
+
+    def parts(self, motion: int, center: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the same on the dofs of the space, held ones included (n_field,), and of masses on free rows (n_local,)."""
+        placed = self._placement, self._numbering, motion, center
+        return self._of_field(motion, center) + joint_matrices.held_inertia(*placed), joint_matrices.inertia(*placed)
 
     def total_mass(self) -> float:
         """Return the mass in kg of plate, joints and point masses, held nodes included (collective)."""
@@ -51,43 +58,64 @@ class Inertia:
         return float(self._numbering.comm.allreduce(here)) + points
 
 
-def load_list(field: FullSpace, numbering: Numbering, placement: Placement, inertia: Inertia) -> list[Load]:
-    """Return the loads of a model, static ones and histories in time (collective). Raises `ModelError` for what fits no node or group."""
-    model = field.model
-    loads = []
-    if model.gravity != 0:
-        vector = inertia.vector(up_of(model, field.compiled.kind))
-        vector.scale(-model.gravity)
-        loads.append(Load("gravity", vector, Constant(1.0), static=True))
-    loads += [Load("ground motion", _motion_vector(motion, numbering, inertia), motion.signal) for motion in model.motions]
-    acting: list[tuple[Force | Pressure, Vec]] = [(force, _force_vector(force, field.compiled, numbering)) for force in model.forces]
-    acting += [(pressure, _pressure_vector(pressure, field, numbering)) for pressure in model.pressures]
-    for load, vector in acting:
-        loads.append(Load(load.name, vector, load.signal or Constant(1.0), static=load.signal is None))
+@dataclass(frozen=True)
+class _Acting:
+    """A load on the dofs of the space (n_field,) and on this rank's rows of joints alone (n_local,)."""
+
+    name: str
+    on_field: np.ndarray
+    signal: Signal | None
+    """None: static."""
+    on_joints: np.ndarray | float = 0.0
+    internal: bool = False
+
+
+def load_list(field: FullSpace, numbering: Numbering, placement: Placement, inertia: Inertia) -> tuple[list[Load], np.ndarray]:
+    """Return the loads of a model, static ones and histories in time, and what of each acts on held dofs, (n_loads, n_field) (collective).
+
+    Raises `ModelError` for what fits no node or group.
+    """
+    model, loads = field.model, []
+    acting = _inertial(field, inertia)
+    acting += [_Acting(force.name, _force(force, field.compiled, numbering), force.signal) for force in model.forces]
+    acting += [_Acting(pressure.name, _pressure(pressure, field), pressure.signal) for pressure in model.pressures]
     if placement.settles:
-        vector = numbering.vector()
-        vector.array[:] = joint_matrices.settlement_load(placement, numbering)
-        loads.append(Load("gaps and preloads", vector, Constant(1.0), static=True, internal=True))
-    return loads
+        settlement = joint_matrices.settlement_load(placement, numbering)
+        acting.append(_Acting("gaps and preloads", np.zeros(numbering.n_field), None, settlement, internal=True))
+    for load in acting:
+        vector = numbering.vector(load.on_field)
+        vector.array[:] += load.on_joints
+        loads.append(Load(load.name, vector, load.signal or Constant(1.0), static=load.signal is None, internal=load.internal))
+    held = numbering.local_row < 0
+    on_held = np.array([np.where(held, np.real(load.on_field), 0.0) for load in acting]).reshape(len(acting), numbering.n_field)
+    return loads, on_held
 
 
-def _motion_vector(motion: GroundMotion, numbering: Numbering, inertia: Inertia) -> Vec:
-    total = numbering.vector()
-    for axis in np.flatnonzero(motion.direction):
-        part = inertia.vector(int(axis), np.array(motion.center))
-        total.axpy(-motion.direction[axis], part)
-        part.destroy()
-    return total
+def _inertial(field: FullSpace, inertia: Inertia) -> list[_Acting]:
+    model, found = field.model, []
+    if model.gravity != 0:
+        up = up_of(model, field.compiled.kind)
+        on_field, on_joints = inertia.parts(up, np.zeros(3))
+        found.append(_Acting("gravity", -model.gravity * on_field, None, -model.gravity * on_joints))
+    for motion in model.motions:
+        parts = [
+            (-motion.direction[axis] * on_field, -motion.direction[axis] * on_joints)
+            for axis in np.flatnonzero(motion.direction)
+            for on_field, on_joints in [inertia.parts(int(axis), np.array(motion.center))]
+        ]
+        on_field, on_joints = (np.sum(part, axis=0) for part in zip(*parts, strict=True))
+        found.append(_Acting("ground motion", on_field, motion.signal, on_joints))
+    return found
 
 
-def _pressure_vector(pressure: Pressure, field: FullSpace, numbering: Numbering) -> Vec:
+def _pressure(pressure: Pressure, field: FullSpace) -> np.ndarray:
     try:
-        return numbering.vector(field.pressure(pressure))
+        return field.pressure(pressure)
     except ModelError as error:
         raise ModelError(f"load[{pressure.name}].group", error.message) from None
 
 
-def _force_vector(force: Force, compiled: CompiledForms, numbering: Numbering) -> Vec:
+def _force(force: Force, compiled: CompiledForms, numbering: Numbering) -> np.ndarray:
     try:
         nodes = owned_nodes(compiled.space, np.asarray(force.points, dtype=float).reshape(-1, 3), force.name)
     except ModelError as error:
@@ -100,4 +128,4 @@ def _force_vector(force: Force, compiled: CompiledForms, numbering: Numbering) -
     for node, tributary in zip(nodes, force.factors, strict=True):
         for axis in np.flatnonzero(force.components) if node >= 0 else ():
             values[dofs.dof(int(node), axis)] += tributary * force.components[axis]
-    return numbering.vector(values)
+    return values

@@ -16,9 +16,9 @@ from uplift.meshes.checked import ModelError
 
 
 def lifted_area(forms: CompiledForms, field: FullSpace, numbering: Numbering, up: int) -> LiftedArea:
-    """Return the shares of the area that belong to the vertical displacements of the nodes."""
+    """Return the shares of the area that belong to the vertical displacements of the nodes; none where nothing can lift off."""
     model, name = field.model, f"D{AXES[up]}"
-    if name not in forms.components:
+    if name not in forms.components or not any(support.unilateral for support in model.supports):
         return LiftedArea(np.zeros(0, dtype=int), np.zeros(0), numbering.comm)
     try:
         weights = field.area(model.uplift_group)

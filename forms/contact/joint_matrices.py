@@ -1,4 +1,4 @@
-"""What joints, springs and point masses add to a system: entries, inertia, settlement, contacts and the resultants of the ground."""
+"""What joints, springs and point masses add to a system: entries, inertia, settlement and contacts."""
 
 from __future__ import annotations
 
@@ -8,16 +8,9 @@ from scipy import sparse
 from uplift.forms.assembly.numbering import Numbering
 from uplift.forms.contact.law import UpliftLaw
 from uplift.forms.contact.placement import NodeValue, Placement
-from uplift.forms.contact.rigid_motions import resultants_of, rigid_value
+from uplift.forms.contact.rigid_motions import rigid_value
 from uplift.forms.contact.supports import TRANSLATIONS
-from uplift.forms.operators import Contacts, Functionals, OutputGroup
-
-RESULTANTS = {
-    "plane stress": (("base shear", 0), ("vertical reaction", 1), ("overturning moment", 5)),
-    "bending": (("force Z", 2), ("moment X", 3), ("moment Y", 4)),
-    "shell": tuple((f"{'force' if k < TRANSLATIONS else 'moment'} {'XYZ'[k % 3]}", k) for k in range(6)),
-}
-"""Name and component of the resultants of the ground's forces."""
+from uplift.forms.operators import Contacts, Functionals
 
 
 def entries(placement: Placement, numbering: Numbering) -> tuple[sparse.csr_matrix, sparse.csr_matrix, sparse.coo_matrix]:
@@ -45,6 +38,19 @@ def inertia(placement: Placement, numbering: Numbering, motion: int, center: np.
             vector[rows[free]] += component.mass * acceleration * component.term.load[free]
     for at, row in _free(placement.masses, numbering):
         vector[row] += at.value * rigid_value(at.point, at.axis, motion, center)
+    return vector
+
+
+def held_inertia(placement: Placement, numbering: Numbering, motion: int, center: np.ndarray) -> np.ndarray:
+    """Return the same of the masses that stand on held dofs of the plate, (n_field,)."""
+    vector = np.zeros(numbering.n_field)
+    for component in placement.joints:
+        if component.axis < TRANSLATIONS and component.rows(numbering)[0] < 0:
+            acceleration = rigid_value(component.point, component.axis, motion, center)
+            vector[component.dof] += component.mass * acceleration * component.term.load[0]
+    for at in placement.masses:
+        if numbering.local_row[at.dof] < 0:
+            vector[at.dof] += at.value * rigid_value(at.point, at.axis, motion, center)
     return vector
 
 
@@ -83,34 +89,6 @@ def contacts(placement: Placement, numbering: Numbering) -> Contacts:
             np.array([tributary * support.mass for support, tributary, _ in placed]),
         ),
     )
-
-
-def reactions(placement: Placement, numbering: Numbering, kind: str, center: np.ndarray) -> OutputGroup:
-    """Return the resultants of all spring forces on the plate under the kinematics `kind`, moments about `center` (3,) m."""
-    wanted = RESULTANTS[kind]
-    picked = [component for _, component in wanted]
-    rows = sparse.lil_matrix((len(wanted), numbering.n_local))
-    per_release = np.zeros((len(wanted), len(placement.contacts)))
-    constant = np.zeros(len(wanted))
-    for at, row in _free(placement.springs, numbering):
-        effect = resultants_of(at.point, at.axis, center)[picked]
-        for k in np.flatnonzero(effect):
-            rows[k, row] -= at.value * effect[k]
-    for component in placement.joints:
-        effect = resultants_of(component.point, component.axis, center)[picked]
-        # The ground's force is that of the support spring; while a contact is open its release force stands against it.
-        for row, weight in zip(component.rows(numbering), component.term.load, strict=True):
-            for k in np.flatnonzero(effect) if row >= 0 else ():
-                rows[k, row] -= component.stiffness * weight * effect[k]
-        contact = component.contact
-        if contact is not None:
-            per_release[:, contact.number] = effect * contact.sign
-            if contact.normal:
-                constant -= effect * component.stiffness * contact.sign * component.joint.support.settlement
-    comm, names = numbering.comm, tuple(name for name, _ in wanted)
-    units = tuple("N m" if component >= TRANSLATIONS else "N" for component in picked)
-    summed = (comm.allreduce(part) if comm.size > 1 else part for part in (per_release, constant))
-    return OutputGroup("reactions", names, units, rows.tocsr(), *summed)
 
 
 def _free(values: tuple[NodeValue, ...], numbering: Numbering) -> list[tuple[NodeValue, int]]:

@@ -104,6 +104,8 @@ class JointComponent:
 class NodeValue:
     """A plain spring, or a point mass, along one axis of a plate node that this rank owns."""
 
+    group: str
+    """Name of the springs or masses."""
     point: np.ndarray
     """(3,) m."""
     axis: int
@@ -193,7 +195,7 @@ def _node_values(group: Placed, nodes: np.ndarray, values: Sequence[float], dofs
     """Return what is not zero of `values` along the axes at those nodes of a group that this rank owns."""
     axes = [axis for axis, value in enumerate(values) if value > 0 and axis in dofs.column]
     return [
-        NodeValue(np.array(point), axis, dofs.dof(int(node), axis), tributary * values[axis])
+        NodeValue(group.name, np.array(point), axis, dofs.dof(int(node), axis), tributary * values[axis])
         for point, node, tributary in zip(group.points, nodes, group.factors.tolist(), strict=True) if node >= 0
         for axis in axes
     ]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from decimal import ROUND_CEILING, Context
 from typing import Protocol
 
 import numpy as np
@@ -207,11 +206,6 @@ class Table:
 
 
 def tabulate(signal: Signal, step: float, end: float, digits: int) -> Table:
-    """Sample `signal` every `step` s from 0 past `end`, rounded up to `digits` significant digits.
-
-    Up is a choice: the rounding of SDLS119's table is not known, and this is one of the rules with which all its published
-    results come out to their last digit.
-    """
+    """Sample `signal` every `step` s from 0 past `end`, rounded to nearest at `digits` significant digits."""
     times = step * np.arange(math.ceil(end / step) + 2)
-    context = Context(prec=digits, rounding=ROUND_CEILING)
-    return Table(times, np.array([float(context.create_decimal(repr(float(value)))) for value in signal(times)]))
+    return Table(times, np.array([float(f"{value:.{digits - 1}e}") for value in signal(times)]))

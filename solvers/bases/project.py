@@ -26,8 +26,8 @@ def project(operators: Operators, basis: Basis, *, diagonal: bool = False) -> Op
     """Project a model on a basis (collective); the result is the same on every rank, and its owner closes it.
 
     `diagonal` keeps only the diagonals of the projected stiffness, mass and damping, as modelisation B of SDLS119 does;
-    with modes it drops the damping between modes, nothing else. Raises `SolverError` if the basis is not independent
-    in the norm of the mass.
+    with modes it drops the damping between modes, nothing else. Vectors whose projected mass is zero follow from their equilibrium.
+    Raises `SolverError` if the others are not independent in the norm of the mass, or these not in that of the stiffness.
     """
     V, comm, alone = basis.vectors, operators.comm, MPI.COMM_SELF
     known = basis.projected or projected_matrices(operators, V)
@@ -38,13 +38,13 @@ def project(operators: Operators, basis: Basis, *, diagonal: bool = False) -> Op
     def between(part: sparse.csr_matrix) -> sparse.csr_matrix:
         return sparse.csr_matrix(inner(V, part @ V, comm))
 
-    mass = kept(known.mass)
-    size = np.sqrt(np.diag(mass))
-    if not (np.all(size > 0) and np.linalg.eigvalsh(mass / np.outer(size, size))[0] > 1e-12):
-        raise SolverError("the vectors of the basis are linearly dependent, or one of them moves no mass")
+    stiffness, mass = kept(known.stiffness), kept(known.mass)
+    with_mass = np.diag(mass) != 0
+    if not (_definite(mass[np.ix_(with_mass, with_mass)]) and _definite(stiffness[np.ix_(~with_mass, ~with_mass)])):
+        raise SolverError("the vectors of the basis are linearly dependent, or one of them has neither mass nor stiffness")
     contacts, elongation = operators.contacts, operators.contacts.elongation
     return Operators(
-        stiffness=_matrix(kept(known.stiffness)),
+        stiffness=_matrix(stiffness),
         mass=_matrix(mass),
         damping=_matrix(kept(known.damping)) if operators.damping is not None else None,
         loads=[_load(load, V, comm) for load in operators.loads],
@@ -61,6 +61,14 @@ def project(operators: Operators, basis: Basis, *, diagonal: bool = False) -> Op
         unilateral_springs=between(operators.unilateral_springs),
         reduction=Reduction(V, comm),
     )
+
+
+def _definite(matrix: np.ndarray) -> bool:
+    """Return whether a symmetric matrix is positive definite, its rows and columns scaled to a diagonal of ones."""
+    if not len(matrix):
+        return True
+    size = np.sqrt(np.maximum(np.diag(matrix), 0.0))
+    return bool(np.all(size > 0) and np.linalg.eigvalsh(matrix / np.outer(size, size))[0] > 1e-12)
 
 
 def _load(load: Load, vectors: np.ndarray, comm: Any) -> Load:

@@ -77,10 +77,11 @@ class FourierResponse:
         drive, samples, layout = self.spectrum(release), self.window.samples, self.operators.outputs
         spectra = np.einsum("foj,fj->fo", self.transfer.outputs, drive)
         acted = np.zeros((samples, drive.shape[1] - self._loads.shape[1])) if release is None else release
-        outputs = layout.values(fourier.inverse(spectra, samples), acted)
-        peak = int(np.argmax(farthest(outputs[:, layout.layout["probes"]], self.operators.probes.moving)))
         omega = 2 * np.pi * self.window.frequencies
-        accelerations = fourier.inverse(-(omega[:, None] ** 2) * spectra[:, layout.layout["probes"]], samples)
+        second = fourier.inverse(-(omega[:, None] ** 2) * spectra[:, layout.accelerated], samples)
+        outputs = layout.values(fourier.inverse(spectra, samples), acted, fourier.inverse(self._loads, samples), second)
+        peak = int(np.argmax(farthest(outputs[:, layout.layout["probes"]], self.operators.probes.moving)))
+        accelerations = second[:, : len(self.operators.probes.names)]
         return History(
             self.window.times, outputs, layout, acted, peak, self.field(release)(peak), accelerations=accelerations
         )

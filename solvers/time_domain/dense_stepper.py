@@ -72,8 +72,22 @@ class DenseStepper:
             self._memory = self.contacts.begin(start.contacts)
         self._motion[0], self._motion[1] = np.real(start.displacement.array_r), self.step * np.real(start.velocity.array_r)
         self._loads[:], self._release[:] = drive.values[0], self._memory.release
-        self._acceleration = solve_definite(self._mass, self._balance @ self._known, "reduced initial acceleration")
+        self._acceleration = self._balanced(self._balance @ self._known)
         return self._instants(0, self._motion[None].copy(), self._acceleration[None], [self._memory])
+
+    def _balanced(self, force: np.ndarray) -> np.ndarray:
+        """Return dt^2 times the acceleration that forces (m,), times dt^2, ask for.
+
+        Coordinates without mass follow from their equilibrium, differentiated twice.
+        """
+        heavy = np.diag(self._mass) != 0
+        acceleration = np.zeros(len(force))
+        acceleration[heavy] = solve_definite(self._mass[np.ix_(heavy, heavy)], force[heavy], "reduced initial acceleration")
+        if not heavy.all():
+            stiffness = _array(self.operators.stiffness)[~heavy]
+            right = -stiffness @ acceleration
+            acceleration[~heavy] = solve_definite(stiffness[:, ~heavy], right, "reduced initial acceleration")
+        return acceleration
 
     def advance(self, drive: Drive, first: int, last: int) -> Instants:
         """Take the steps that end at the instants `first` to `last`."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, Protocol
 
 import numpy as np
@@ -70,6 +71,7 @@ def transient(
     release: np.ndarray | None = None,
     energy: bool = False,
     watcher: FieldWatcher | None = None,
+    more: Sequence[Observer] = (),
     watch: Watch | None = None,
 ) -> History:
     """March `steps` steps from time 0 and the state `start`, which is left as it is (collective).
@@ -77,7 +79,8 @@ def transient(
     Every `every`-th step is archived. `release` (n_archived, n_channels) N are release forces known at the archived instants
     and interpolated linearly between them; without them uplift is exact, or left out, as the stepper was made. `energy`
     keeps the ledger of energies, at three products of a matrix and a vector a step, unless auxiliary nodes have masses that count,
-    whose energy it does not know. `watcher` is shown the archived displacements. `watch` shows the progress and keeps checkpoints, from
+    whose energy it does not know. `watcher` is shown the archived displacements, `more` observers every
+    instant. `watch` shows the progress and keeps checkpoints, from
     which the same march goes on to the same bits on as many ranks. Many parameters because all but the first three may be left out.
     """
     operators = stepper.operators
@@ -87,7 +90,7 @@ def transient(
     drive = Drive.of(operators, times, given)
     contacts = stepper.contacts if given is None else None
     archive = Archive(operators, steps, every, contacts)
-    observers: list[Observer] = [archive]
+    observers: list[Observer] = [archive, *more]
     ledger = None
     if energy and (contacts is None or contacts.n_inner == 0):
         ledger = EnergyLedger(operators, drive, stepper.step, every)
@@ -108,7 +111,7 @@ def transient(
             if loop.next <= n < steps:
                 loop.meet(n)
         loop.finish()
-    return archive.history(archived, ledger.ledger() if ledger is not None else None)
+    return archive.history(archived, drive.values[::every], ledger.ledger() if ledger is not None else None)
 
 
 def _show(observers: list[Observer], instants: Instants) -> None:

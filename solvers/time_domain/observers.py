@@ -74,11 +74,14 @@ class Archive:
         n, n_inner = steps // every + 1, contacts.n_inner if contacts is not None else 0
         outputs = operators.outputs
         # In a basis nothing is sparse.
-        self._rows = outputs.local if operators.reduction is None else outputs.local.toarray()
-        self._probes = outputs.layout["probes"]
+        self._rows, self._per_velocity = outputs.local, outputs.per_velocity
+        if operators.reduction is not None:
+            self._rows = self._rows.toarray()
+            self._per_velocity = None if self._per_velocity is None else self._per_velocity.toarray()
+        self._probes, self._accelerated = outputs.layout["probes"], outputs.accelerated
         self._observed = np.zeros((n, self._rows.shape[0]))
         """This rank's shares of the linear parts of the outputs."""
-        self._accelerations = np.zeros((n, len(operators.probes.names)))
+        self._accelerations = np.zeros((n, len(self._accelerated)))
         """This rank's shares."""
         self._release = np.zeros((n, operators.contacts.law.n_channels))
         self._inner = np.zeros((n, n_inner))
@@ -91,7 +94,9 @@ class Archive:
         if not len(which):
             return
         self._observed[rows] = (self._rows @ instants.displacement[which].T).T
-        self._accelerations[rows] = (self._rows[self._probes] @ instants.acceleration[which].T).T
+        if self._per_velocity is not None:
+            self._observed[rows] += (self._per_velocity @ instants.velocity[which].T).T
+        self._accelerations[rows] = (self._rows[self._accelerated] @ instants.acceleration[which].T).T
         self._release[rows] = instants.release[which]
         if self._inner.shape[1]:
             self._inner[rows] = instants.inner[which]
@@ -102,19 +107,20 @@ class Archive:
             self._farthest, self._peak = float(reach[best]), int(rows[best])
             self._peak_values[:] = instants.displacement[which[best]]
 
-    def history(self, times: np.ndarray, ledger: Ledger | None) -> History:
-        """Return what was archived, at the instants `times` (nt,) s (collective)."""
+    def history(self, times: np.ndarray, loads: np.ndarray, ledger: Ledger | None) -> History:
+        """Return what was archived, at the instants `times` (nt,) s with the load histories `loads` (nt, n_loads) (collective)."""
         outputs, contacts = self._operators.outputs, self._contacts
         force = contacts.support_force(self._release, self._inner) if contacts is not None else self._release
+        second = outputs.total(self._accelerations)
         return History(
             times=times,
-            outputs=outputs.values(outputs.total(self._observed), force),
+            outputs=outputs.values(outputs.total(self._observed), force, loads, second),
             layout=outputs,
             release=self._release,
             peak=self._peak,
             peak_field=self._operators.reconstruct(self._peak_values),
             ledger=ledger,
-            accelerations=outputs.total(self._accelerations),
+            accelerations=second[:, : len(self._operators.probes.names)],
             gap=contacts.openings(self._inner) if contacts is not None else None,
         )
 

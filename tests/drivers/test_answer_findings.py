@@ -51,12 +51,16 @@ def test_flight():
     assert "at 1 archived instant(s), first at t = 3 s" in found.text
 
 
-@pytest.mark.parametrize(("lost", "said"), [(0.5, True), (-0.5, True), (0.1, False)])
-def test_energy_of_the_scheme(lost, said):
+@pytest.mark.parametrize(("lost", "words"), [(0.5, "takes away 5.0% of"), (-0.5, "makes 5.0% of"), (-30.0, "makes 3 times"), (0.1, "")])
+def test_energy_of_the_scheme(lost, words):
     """Loads put in 10 J, of which 9 J move the plate and `lost` J are neither there nor damped."""
     rise = np.linspace(0, 1, 11)
     ledger = Ledger(9.0 * rise, 0 * rise, 0 * rise, (1.0 - lost) * rise, 10.0 * rise)
-    assert [one.key for one in of_energy(ledger)] == ["numerical energy"] * said
+    for impacts in (0, 2):
+        found = list(of_energy(ledger, impacts))
+        assert [one.severity for one in found] == (["grave" if lost < -10 else "doubt"] if words else [])
+        if found:
+            assert words in found[0].text and ("at 2 impacts" in found[0].text) == bool(impacts and lost < 0)
 
 
 def run(out, *more):

@@ -78,7 +78,7 @@ PLACES = {
 }
 
 SIGNALS = {
-    "ricker": {"amplitude": 1.0, "frequency": 1.0, "center": 1.0, "start": 0.0, "table_step": 0.1, "table_digits": 7},
+    "ricker": {"amplitude": 1.0, "frequency": 1.0, "center": 1.0, "start": 0.0, "table_step": 0.1, "table_digits": 6},
     "sine": {"amplitude": 1.0, "frequency": 1.0, "phase": 0.1, "start": 0.0, "end": 2.0},
     "step": {"amplitude": 1.0, "start": 0.0, "rise": 1.0},
     "sweep": {"amplitude": 1.0, "first": 1.0, "last": 2.0, "start": 0.0, "end": 2.0, "spacing": "linear", "taper": 0.1},

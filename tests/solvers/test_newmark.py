@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from tests import oscillator
-from tests.small import contact_on, dense_operators, petsc_matrix, petsc_vector
+from tests.small import contact_on, dense_operators, marched, petsc_matrix, petsc_vector
 from uplift.forms.loads.signals import Constant
 from uplift.meshes.checked import ModelError
 from uplift.solvers.contact.memory import closed
@@ -128,3 +128,12 @@ def test_singular_system_is_an_error():
     solution = right.duplicate()
     with pytest.raises(SolverError, match="rocking frame"), DirectSolver(matrix, "t_", definite=True, what="rocking frame") as solver:
         solver.solve(right, solution, check=True)
+
+
+@pytest.mark.parametrize("stiff", [1.0, 1e15, 1e18])
+def test_the_first_acceleration_beside_a_dof_without_mass_does_not_feel_how_stiff_the_others_are(stiff):
+    """At rest a sudden force of 3 N on 600 kg makes 3 / 600 m/s2 whatever holds them, and a massless node on a spring goes along."""
+    loads = [([3.0, 0.0], np.ones_like, False)]
+    with dense_operators([[stiff + 1, -1], [-1, 1]], np.diag([600.0, 0.0]), None, loads) as operators:
+        history = marched(operators, Scheme(), 5e-3, 1, at_rest(operators))
+    assert history.accelerations[0] == pytest.approx([0.005, 0.005], rel=1e-14)

@@ -56,6 +56,8 @@ class DenseModel:
     """(n, n) N/m: the part of K that is plain springs and bonded joints."""
     unilateral: np.ndarray
     """(n, n) N/m: the part of K that is joints whose contact can open."""
+    output_velocity: np.ndarray | None = None
+    """(n_o, n): weights of the velocity in what is observed; None: zero."""
 
 
 def dense_model(operators: Operators) -> DenseModel:
@@ -95,7 +97,15 @@ def dense_model(operators: Operators) -> DenseModel:
         output_units=tuple(unit for group in kept for unit in group.units),
         springs=_square(operators, operators.bonded_springs.toarray()),
         unilateral=_square(operators, operators.unilateral_springs.toarray()),
+        output_velocity=_velocity_rows(operators, [layout[group.name] for group in kept]),
     )
+
+
+def _velocity_rows(operators: Operators, kept: list[slice]) -> np.ndarray | None:
+    if operators.outputs.per_velocity is None:
+        return None
+    moved = _dense(operators.outputs.per_velocity, operators.n, operators.comm)
+    return np.concatenate([moved[rows] for rows in kept])
 
 
 def _or_zero(values: np.ndarray | None, shape: tuple[int, ...]) -> np.ndarray:

@@ -23,6 +23,8 @@ class Observed:
         """Return (n_o + 2 n_c, N): outputs, contact forces N (compression positive) and gaps m."""
         linear = self._base.rows(self._x, self._f) + self._r @ regime.release
         linear[:, self._base.n] += self._model.output_constant
+        if self._model.output_velocity is not None:
+            linear += self._model.output_velocity @ self.displacement(regime) @ regime.generator
         force = np.where(regime.open[:, None], 0.0, regime.margin)
         return np.concatenate([linear, force, self.gap(regime)])
 

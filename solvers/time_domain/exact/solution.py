@@ -159,6 +159,8 @@ def by_collocation(
     tension = states @ base.rows(system.Q, system.D).T + release @ system.E.T
     outputs = displacement @ model.outputs.T + release @ model.output_release.T + model.output_constant
     rate = states[:, :n] @ system.A.T + states @ base.F.T @ system.B.T + release @ system.P.T
+    if model.output_velocity is not None:
+        outputs += rate @ (model.output_velocity @ system.T).T
     acceleration = rate @ (model.outputs @ system.T @ system.A).T
     return ExactHistory(
         instants, outputs, acceleration, release - tension, release, release * model.law.flexibility, displacement,
