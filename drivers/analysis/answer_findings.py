@@ -87,8 +87,8 @@ def of_energy(ledger: Ledger, impacts: int) -> Iterator[Finding]:
     if made > LOST:
         words = f"the time integration makes {_times(made)} the energy that loads and start have put in"
         helps = (
-            f", at {impacts} impacts on stops: a smaller step does not help; take the method exact, generalised-alpha with rho_infinity = 0 "
-            "or newmark with beta = 0.36 and gamma = 0.7, or stops as soft as they are"
+            f", at {impacts} impacts on stops: a smaller step does not help; take the method exact, generalised-alpha with "
+            "rho_infinity = 0 or newmark with beta = 0.36 and gamma = 0.7, or stops as soft as they are"
         )
         yield finding("numerical energy", words + (helps if impacts else ": take a smaller step"), severity="grave" if made > 1 else None)
     elif lost > LOST:

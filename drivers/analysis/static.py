@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from uplift.drivers.analysis.assembled_scene import Analysis
+from uplift.drivers.analysis.equilibrium import equilibrium_notes, equilibrium_of
 from uplift.drivers.analysis.initial_state import rest_state
 from uplift.drivers.analysis.observers import LiftedShare, take_snapshots
-from uplift.drivers.analysis.equilibrium import equilibrium_notes, equilibrium_of
 from uplift.drivers.analysis.task import Task
 from uplift.solvers.contact.published_passes import Passes
 from uplift.solvers.history import History

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from uplift.drivers.analysis.assembled_scene import Analysis
+from uplift.drivers.analysis.equilibrium import equilibrium_notes, equilibrium_of
 from uplift.drivers.analysis.initial_state import start_state
 from uplift.drivers.analysis.observers import LiftedShare, Watchers
 from uplift.drivers.analysis.passes import run_passes
-from uplift.drivers.analysis.equilibrium import equilibrium_notes, equilibrium_of
 from uplift.drivers.analysis.task import Task
 from uplift.solvers.contact.published_passes import Passes
 from uplift.solvers.history import History
