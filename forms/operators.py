@@ -104,7 +104,7 @@ def no_contacts(n_local: int, comm: Any) -> Contacts:
 
 @dataclass(frozen=True)
 class OutputGroup:
-    """Outputs of one kind: rows y = local u + per_support_force s + constant, each with a name and a unit.
+    """Outputs of one kind: rows y = local u + per_velocity u' + per_support_force s + constant, each with a name and a unit.
 
     s (n_channels,) are the forces that stand against the supports' springs: the release forces, where auxiliary nodes have no mass.
     """
@@ -119,6 +119,8 @@ class OutputGroup:
     """(n, n_channels); None: zero."""
     constant: np.ndarray | None = None
     """(n,), of springs that are strained at zero displacement; None: zero."""
+    per_velocity: sparse.csr_matrix | None = None
+    """(n, n_local) s times the unit of `local`: weights on this rank's part of the velocity; None: zero."""
 
     @property
     def moving(self) -> np.ndarray:
@@ -133,12 +135,17 @@ class Outputs:
     groups: tuple[OutputGroup, ...]
     local: sparse.csr_matrix
     """(n_rows, n_local): the groups' rows one below the other."""
+    per_velocity: sparse.csr_matrix | None
+    """(n_rows, n_local): their weights on the velocity; None where no group has any, so that nobody pays for it."""
     comm: Any
 
     @staticmethod
     def of(groups: Sequence[OutputGroup], comm: Any) -> Outputs:
         """Return the outputs of some groups, of which there is at least one."""
-        return Outputs(tuple(groups), sparse.vstack([group.local for group in groups], format="csr"), comm)
+        local = sparse.vstack([group.local for group in groups], format="csr")
+        moved = [sparse.csr_matrix(g.local.shape) if g.per_velocity is None else g.per_velocity for g in groups]
+        damped = any(group.per_velocity is not None for group in groups)
+        return Outputs(tuple(groups), local, sparse.vstack(moved, format="csr") if damped else None, comm)
 
     @property
     def layout(self) -> dict[str, slice]:
@@ -158,6 +165,10 @@ class Outputs:
         """Return the sum over ranks of shares of any shape (collective)."""
         return _sum_over_ranks(partial, self.comm)
 
+    def velocity_rows(self, values: np.ndarray) -> np.ndarray | None:
+        """Return the parts (n_rows, ...) that velocities (n_local, ...) on this rank make, summed over the ranks; None: no such part."""
+        return None if self.per_velocity is None else self.total(self.per_velocity @ values)
+
     def linear(self, name: str, values: np.ndarray) -> np.ndarray:
         """Return the linear parts (n, ...) of one group for this rank's part (n_local, ...) of solutions (collective)."""
         return self.total(self[name].local @ values)
@@ -174,9 +185,12 @@ class Outputs:
 
     def projected(self, vectors: np.ndarray, comm: Any) -> Outputs:
         """Return the outputs of coordinates of `vectors` (n_local, m), whole on every rank, with communicator `comm` (collective)."""
-        whole = self.total(self.partial(vectors))
-        parts = zip(self.groups, self.layout.values(), strict=True)
-        return Outputs.of([replace(group, local=sparse.csr_matrix(whole[rows])) for group, rows in parts], comm)
+        whole, moved = self.total(self.partial(vectors)), self.velocity_rows(vectors)
+        groups = []
+        for group, rows in zip(self.groups, self.layout.values(), strict=True):
+            damped = None if group.per_velocity is None or moved is None else sparse.csr_matrix(moved[rows])
+            groups.append(replace(group, local=sparse.csr_matrix(whole[rows]), per_velocity=damped))
+        return Outputs.of(groups, comm)
 
 
 @dataclass(frozen=True)

@@ -54,4 +54,6 @@ def dense_sweep(operators: Operators, first: np.ndarray, second: np.ndarray, *, 
     if not worst <= RESIDUAL_LIMIT:
         raise SolverError(f"the {what} in the basis is solved to a backward error of {worst:.1e} only (limit {RESIDUAL_LIMIT:g})")
     observed = operators.outputs.local.toarray() @ answers
+    if operators.outputs.per_velocity is not None:
+        observed += first[:, None, None] * (operators.outputs.per_velocity.toarray() @ answers)
     return Transfer(observed, operators.outputs, answers.transpose(0, 2, 1), 0.0, time.perf_counter() - begin)

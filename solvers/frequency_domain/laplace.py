@@ -105,10 +105,11 @@ def laplace_run(
     if start.displacement.norm() > 0:
         values = values - load_values(operators, np.zeros(1), static_only=True)
     n_loads, n_channels = len(operators.loads), operators.contacts.law.n_channels
-    more = []
+    more, moved = [], None
     sudden = bool(np.any(values[0] != 0))
     if sudden:
-        more.append(_initial_damping(operators, start, values[0], step))
+        damping, moved = _initial_damping(operators, start, values[0], step)
+        more.append(damping)
     begin = time.perf_counter()
     transfer = sweep(operators, symbol.s, symbol.s_squared, more=tuple(more), prefix="laplace_", what="Laplace sweep", **how)
     for vector in more:
@@ -129,14 +130,17 @@ def laplace_run(
     def field(row: int) -> np.ndarray | None:
         return None if response is None else operators.reconstruct(rest + response.at(_weights(circle, row * every)))
 
-    history = _history(operators, circle, transfer.outputs, amplitudes, rest, contact, every)
+    spectra = np.einsum("foj,fj->fo", transfer.outputs, amplitudes)
+    if moved is not None:  # the velocity of a sudden start is s times the displacement less this
+        spectra -= symbol.initial_damping[:, None] * moved
+    history = _history(operators, circle, spectra, rest, contact, every)
     history = replace(history, peak_field=field(history.peak))
     seconds = time.perf_counter() - begin
     return LaplaceRun(history, len(circle.points), transfer.factor_seconds, sweep_seconds, seconds, contact.tries, field)
 
 
-def _initial_damping(operators: Operators, start: State, values: np.ndarray, step: float) -> Any:
-    """Return the vector C a0 with M a0 the load at time 0 (PETSc vector in N s)."""
+def _initial_damping(operators: Operators, start: State, values: np.ndarray, step: float) -> tuple[Any, np.ndarray | None]:
+    """Return the vector C a0 with M a0 the load at time 0 (PETSc vector in N/s) and the outputs (n_rows,) of a velocity a0, if any."""
     with start.copy() as state:
         state.displacement.zeroEntries()
         state.velocity.zeroEntries()
@@ -145,7 +149,8 @@ def _initial_damping(operators: Operators, start: State, values: np.ndarray, ste
         vector = operators.new_vector()
         if operators.damping is not None:
             operators.damping.mult(state.acceleration, vector)
-    return vector
+        moved = operators.outputs.velocity_rows(np.real(state.acceleration.array_r))
+    return vector, moved
 
 
 @dataclass(frozen=True)
@@ -190,11 +195,11 @@ def _march(
 
 
 def _history(
-    operators: Operators, circle: Circle, answers: np.ndarray, amplitudes: np.ndarray, rest: np.ndarray, contact: _Contact, every: int
+    operators: Operators, circle: Circle, spectra: np.ndarray, rest: np.ndarray, contact: _Contact, every: int
 ) -> History:
-    """Return the archived outputs; `rest` (n_local,) m is the state of rest. Many parameters because it only puts them together."""
+    """Return the archived outputs from their transforms (n_points, n_rows); `rest` (n_local,) m is the state of rest."""
     layout = operators.outputs
-    linear = layout.total(layout.partial(rest)) + circle.inverse(np.einsum("foj,fj->fo", answers, amplitudes))
+    linear = layout.total(layout.partial(rest)) + circle.inverse(spectra)
     accelerations = second_differences(linear[:, layout.layout["probes"]], circle.step)[::every]
     release, inner = contact.release[::every], contact.inner[::every]
     force, gap = (release, None) if contact.law is None else (contact.law.support_force(release, inner), contact.law.openings(inner))

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
+from scipy import sparse
 
 from uplift.forms.operators import Operators
 from uplift.solvers.frequency_domain.dense_sweep import dense_sweep
@@ -53,7 +54,8 @@ def sweep(
         raise RuntimeError(f"the {what} needs complex PETSc, and this process has the real one")
     comm = operators.comm
     columns = _columns(operators, more)
-    rows = operators.outputs.local
+    outputs = operators.outputs
+    rows = outputs.local if outputs.per_velocity is None else sparse.vstack([outputs.local, outputs.per_velocity], format="csr")
     results = _Results(operators, len(first), columns.shape[1])
     kept = _KeptPoints(watch, prefix.rstrip("_"), results)
     left = np.flatnonzero(~results.done)
@@ -146,6 +148,15 @@ class _PointSolver:
         self._solver.solve_block(right, solution, residual)
         return solution.getDenseArray()
 
+    def observe(self, point: int, n_rows: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return this rank's answers at one point, as `solve`, and their shares of the outputs (n_columns, n_rows) (collective)."""
+        solution = self.solve(point)
+        shares = self._system.outputs @ solution
+        observed = shares[:n_rows]
+        if len(shares) > n_rows:  # below stand the weights on the velocity, which is `first` times the displacement
+            observed = observed + self._coefficients[0][point] * shares[n_rows:]
+        return solution, observed.T
+
     def _fill(self, point: int) -> None:
         first, second = (values[point] for values in self._coefficients)
         system, matrix = self._system, self._matrix
@@ -186,8 +197,7 @@ def _solve_batch(
     for k, point in enumerate(mine):
         if solver is None:
             break
-        solution = solver.solve(int(point))
-        observed[k * layout.groups + layout.group] = (system.outputs @ solution).T
+        solution, observed[k * layout.groups + layout.group] = solver.observe(int(point), observed.shape[2])
         if results.fields is not None:
             answers.append(solution.copy())
     # Within a group the sum is taken in the order of the ranks, so that its last bit depends on nothing else.

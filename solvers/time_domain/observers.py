@@ -74,7 +74,10 @@ class Archive:
         n, n_inner = steps // every + 1, contacts.n_inner if contacts is not None else 0
         outputs = operators.outputs
         # In a basis nothing is sparse.
-        self._rows = outputs.local if operators.reduction is None else outputs.local.toarray()
+        self._rows, self._per_velocity = outputs.local, outputs.per_velocity
+        if operators.reduction is not None:
+            self._rows = self._rows.toarray()
+            self._per_velocity = None if self._per_velocity is None else self._per_velocity.toarray()
         self._probes = outputs.layout["probes"]
         self._observed = np.zeros((n, self._rows.shape[0]))
         """This rank's shares of the linear parts of the outputs."""
@@ -91,6 +94,8 @@ class Archive:
         if not len(which):
             return
         self._observed[rows] = (self._rows @ instants.displacement[which].T).T
+        if self._per_velocity is not None:
+            self._observed[rows] += (self._per_velocity @ instants.velocity[which].T).T
         self._accelerations[rows] = (self._rows[self._probes] @ instants.acceleration[which].T).T
         self._release[rows] = instants.release[which]
         if self._inner.shape[1]:
