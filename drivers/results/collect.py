@@ -8,6 +8,7 @@ import numpy as np
 
 from uplift.drivers.analysis.snapshots import vectors_in_space
 from uplift.drivers.results.contact_lines import contact_lines
+from uplift.drivers.results.internal_forces import columns_of, series_of
 from uplift.drivers.results.results import Results, Series, floor_spectra
 from uplift.forms.contact.supports import TRANSLATIONS
 from uplift.forms.operators import OutputGroup
@@ -29,6 +30,7 @@ def collect(
     if operators.contacts.names:
         series |= _contacts(assembly, analysis)
     series |= _reactions(operators.reactions, history.reactions)
+    series |= series_of(columns_of(assembly.plate.forces, history))
     watched = snapshot_data is not None and snapshot_data.watched > 0
     lifted = snapshot_data.lifted if snapshot_data is not None and watched else analysis.lifted
     if lifted is not None:

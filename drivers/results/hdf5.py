@@ -3,7 +3,8 @@
 - / has the attributes format, version, name.
 - /scene: the scene file, text; /facts: the summary, JSON.
 - /times: (nt,) s.
-- /probes, /ground, /contacts, /reactions, /uplift, /energy: histories (nt, n); attributes: unit, names (of the columns), about.
+- /probes, /ground, /contacts, /reactions, /forces, /cuts, /uplift, /energy: histories (nt, n);
+  attributes: unit, names (of the columns), about.
 - /points: probes, contacts, springs, (n, 3) m; directions: in which the contacts push.
 - /mesh: points (n, 3) m, cells in the order of VTK (attribute cell_type), peak and envelope of the displacements.
 - /film/0000 ...: (n, 3) m, nodal displacements in single precision; attributes: row (of /times), time in s.
@@ -33,7 +34,7 @@ FORMAT, VERSION = "uplift results", 1
 
 NAME = "results.h5"
 
-HISTORIES = ("probes", "ground", "contacts", "reactions", "uplift", "energy")
+HISTORIES = ("probes", "ground", "contacts", "reactions", "forces", "cuts", "uplift", "energy")
 
 METRES = {"unit": "m"}
 

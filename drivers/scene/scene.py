@@ -94,7 +94,7 @@ def build_scene(table: dict[str, Any], folder: Path) -> Scene:
     horizon = max(transient.duration if transient else 0.0, fourier.length if fourier else 0.0)
     model = read_model(scene, mesh, horizon, folder, output.uplift_group)
     scene.finish()
-    for key, group in (("supports", model.supports), ("springs", model.springs), ("probes", model.probes)):
+    for key, group in (("supports", model.supports), ("springs", model.springs), ("probes", model.probes), ("cuts", model.cuts)):
         names = [item.name for item in group]
         for name in names:
             if names.count(name) > 1:
