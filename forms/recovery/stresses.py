@@ -7,6 +7,9 @@ import numpy as np
 FACES = {"top": 1.0, "middle": 0.0, "bottom": -1.0}
 """Height over the mid-surface as a part of half the thickness; the normal leaves the top."""
 
+ROUND_OFF = 1e-9
+"""Part of the largest value of a history below which differences have no direction."""
+
 
 def face_stress(membrane: np.ndarray, moment: np.ndarray, thickness: float, height: float) -> np.ndarray:
     """Return the stresses (..., 3) Pa: 11, 22 and 12, tension positive, at `height` times half the thickness (m) over the mid-surface.
@@ -20,11 +23,13 @@ def face_stress(membrane: np.ndarray, moment: np.ndarray, thickness: float, heig
 def principal(tensor: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the larger and the smaller principal value (...) of (..., 3): 11, 22, 12, and the angle in rad from axis 1 to the larger.
 
-    The angle is right-handed about the normal and lies in (-pi/2, pi/2]; 0 where both values are the same.
+    The angle is right-handed about the normal and lies in (-pi/2, pi/2]; 0 where both values are the same but for round-off.
     """
     one, two, both = np.moveaxis(tensor, -1, 0)
     middle, radius = (one + two) / 2, np.hypot((one - two) / 2, both)
-    return middle + radius, middle - radius, np.arctan2(2 * both, one - two) / 2
+    noise = ROUND_OFF * np.max(np.abs(tensor), initial=0.0)
+    shear, apart = (np.where(np.abs(part) > noise, part, 0.0) for part in (2 * both, one - two))
+    return middle + radius, middle - radius, np.arctan2(shear, apart) / 2
 
 
 def von_mises(stress: np.ndarray) -> np.ndarray:

@@ -1,0 +1,179 @@
+"""Internal forces in the files of a run, by every method that has a history, on ranks and through a checkpoint."""
+
+import csv
+import tomllib
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from uplift.drivers.analysis.analyse import analyse
+from uplift.drivers.analysis.assembled_scene import prepare
+from uplift.drivers.report.files import write_run
+from uplift.drivers.results.hdf5 import read_results
+from uplift.drivers.scene.request import Request
+from uplift.drivers.scene.scene import build_scene
+from uplift.meshes.checked import ModelError
+
+SLAB = """
+[mesh]
+width = 4.0
+height = 3.0
+nx = 4
+ny = 3
+degree = 2
+[plate]
+young = 3e10
+poisson = 0.2
+density = 2500.0
+thickness = 0.2
+alpha = 2e-3
+beta = 1.0
+[gravity]
+acceleration = 9.81
+direction = "-Z"
+[[load]]
+direction = "Z"
+signal = "ricker"
+amplitude = 8.0
+frequency = 4.0
+center = 0.2
+[[supports]]
+name = "CORNERS"
+points = [[0.0, 0.0], [4.0, 0.0], [4.0, 3.0], [0.0, 3.0]]
+stiffness = { Z = 5e7 }
+contact = { Z = 1e12 }
+unilateral = "Z"
+[[probes]]
+name = "MID"
+point = [2.0, 1.5]
+forces = true
+[[cuts]]
+name = "HALF"
+plane = { point = [2.0, 0.0], normal = [1.0, 0.0, 0.0] }
+point = [2.0, 1.5]
+[transient]
+step = 0.01
+duration = 0.4
+[modal]
+number = 6
+[fourier]
+length = 4.0
+samples = 400
+cutoff = 40.0
+"""
+
+
+def slab(**sections):
+    return build_scene({**tomllib.loads(SLAB), **sections}, Path("."))
+
+
+def rows_of(history):
+    return {name: history.group(name) for name in ("forces", "cuts", "cuts damping")}
+
+
+def test_forces_and_cuts_are_written_with_their_units(comm, tmp_path):
+    with prepare(slab(), comm) as assembly:
+        analysis = analyse(assembly, Request("transient"))
+        write_run(assembly, analysis, tmp_path, plots=False)
+    if comm.rank:
+        return
+    with (tmp_path / "forces.csv").open(encoding="utf-8") as file:
+        forces = list(csv.DictReader(file))
+    with (tmp_path / "cuts.csv").open(encoding="utf-8") as file:
+        cuts = list(csv.DictReader(file))
+    assert {"t", "MID.M11 [N m/m]", "MID.V1 [N/m]", "MID.S11.top [Pa]", "MID.mises.bottom [Pa]", "MID.angle.M [rad]"} <= set(forces[0])
+    assert "MID.N11 [N/m]" not in forces[0]  # a plate that is only bent has none
+    assert {"HALF.FZ [N]", "HALF.MY [N m]", "HALF.N [N]", "HALF.V [N]", "HALF.FZ damping [N]", "HALF.MY damping [N m]"} <= set(cuts[0])
+    row = forces[17]
+    # 6 M / t^2 at the face that the normal points to.
+    assert float(row["MID.S11.top [Pa]"]) == pytest.approx(6 * float(row["MID.M11 [N m/m]"]) / 0.2**2)
+    s11, s22, s12 = (float(row[f"MID.S{ij}.top [Pa]"]) for ij in ("11", "22", "12"))
+    assert float(row["MID.mises.top [Pa]"]) == pytest.approx(np.sqrt(s11**2 - s11 * s22 + s22**2 + 3 * s12**2))
+    assert float(cuts[17]["HALF.V [N]"]) == pytest.approx(abs(float(cuts[17]["HALF.FZ [N]"])))
+    with h5py.File(tmp_path / "results.h5") as file:
+        units = {key: file[key].attrs["unit"] for key in ("forces/moment", "forces/stress", "forces/shear", "forces/angle", "cuts/force")}
+        assert units == {"forces/moment": "N m/m", "forces/stress": "Pa", "forces/shear": "N/m", "forces/angle": "rad", "cuts/force": "N"}
+        names = list(file["forces/moment"].attrs["names"])
+        assert file["forces/moment"][17, names.index("MID.M11")] == float(row["MID.M11 [N m/m]"])
+    assert "cuts/damping moment" in read_results(tmp_path).series
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("method", ["static", "transient", "modal"])
+def test_methods_agree_on_forces(comm, method):
+    """Half the weight stands on either side; six modes with static answers of a plate of 20 Hz and more give moments to 2 %."""
+    with prepare(slab(), comm) as assembly:
+        exact = rows_of(analyse(assembly, Request("transient")).final)
+        found = rows_of(analyse(assembly, Request(method)).final)
+    limit = {"static": 1e-9, "transient": 0.0, "modal": 0.02}[method]
+    for name in ("forces", "cuts"):
+        assert np.max(np.abs(found[name] - exact[name][: len(found[name])])) <= limit * np.max(np.abs(exact[name])), name
+
+
+@pytest.mark.serial
+def test_published_passes_and_the_basis_have_forces(comm):
+    with prepare(slab(), comm) as assembly:
+        exact = rows_of(analyse(assembly, Request("transient")).final)
+        passes = rows_of(analyse(assembly, Request("transient", 1)).final)
+        reduced = rows_of(analyse(assembly, Request("transient", basis=1e-6)).final)
+    for name, values in exact.items():
+        assert np.max(np.abs(reduced[name] - values)) < 1e-4 * np.max(np.abs(values)), name
+        assert passes[name].shape == values.shape and np.max(np.abs(passes[name])) > 0
+
+
+@pytest.mark.complex
+@pytest.mark.serial
+def test_sweeps_have_forces(comm):
+    """The Laplace sweep is the march; the first pass of the Fourier sweep is the linear march where both converge."""
+    with prepare(slab(), comm) as assembly:
+        exact = rows_of(analyse(assembly, Request("transient")).final)
+        swept = rows_of(analyse(assembly, Request("time-frequency")).final)
+        periodic = analyse(assembly, Request("time-frequency", 1)).final
+    for name, values in exact.items():
+        # The circle of the transform leaves eps^(2/3) of the largest value, stiff contacts of 1e12 N/m beside it.
+        assert np.max(np.abs(swept[name] - values)) < 1e-7 * np.max(np.abs(values)), name
+    # Before the shaking begins the periodic answer is the state of rest.
+    assert periodic.group("cuts")[0] == pytest.approx(exact["cuts"][0], abs=1e-2 * np.max(np.abs(exact["cuts"])))
+
+
+@pytest.mark.serial
+def test_a_scene_that_asks_for_no_forces_has_no_rows_for_them(comm):
+    table = tomllib.loads(SLAB)
+    del table["cuts"]
+    table["probes"][0]["forces"] = False
+    with prepare(build_scene(table, Path(".")), comm) as assembly:
+        assert [group.name for group in assembly.operators.outputs.groups] == ["probes", "elongation", "reactions"]
+        assert assembly.operators.outputs.per_velocity is None
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(("section", "value", "words"), [
+    ("probes", [{"name": "P", "point": [1.0, 1.0], "part": "DAL1"}], r"probes\[P\].part: expected forces = true"),
+    ("probes", [{"name": "P", "point": [1.0, 1.0], "forces": "yes"}], r"probes\[P\].forces: expected true or false"),
+    ("parts", [{"group": "DAL1"}], r"parts\[1\].young: missing"),
+    ("parts", [{"group": "DAL1", "axes": {"x": [1, 0], "edge": "DBAS"}}], r"parts\[1\].axes: expected one of x, edge, cylinder"),
+    ("parts", [{"group": "DAL1", "axes": {}}], r"parts\[1\].axes: expected one of x, edge, cylinder"),
+    ("parts", [{"group": "DAL1", "axes": {"x": [0, 0, 0]}}], r"parts\[1\].axes.x: expected a direction"),
+    ("parts", [{"group": "DAL1", "axes": {"cylinder": {"point": [0, 0], "axis": [0, 0]}}}], r"parts\[1\].axes.cylinder.axis: expected"),
+    ("parts", [{"group": "DAL1", "axes": {"cylinder": {"point": [0, 0]}}}], r"parts\[1\].axes.cylinder.axis: missing"),
+    ("parts", [{"group": "DAL1", "axes": {"y": [0, 1]}}], r"parts\[1\].axes.y: unknown key"),
+    ("parts", [{"group": "DAL1", "young": 1e10, "axes": {"x": [0, 1]}}], r"parts\[1\].poisson: missing"),
+    ("cuts", [{"name": "A", "side": "DAL1", "group": "DBAS", "point": [0, 0]}] * 2, "cuts: expected different names"),
+])
+def test_bad_entries_are_refused_by_their_key(section, value, words):
+    with pytest.raises(ModelError, match=words):
+        slab(**{section: value})
+
+
+@pytest.mark.parametrize(("axes", "words"), [
+    ({"x": [0.0, 0.0, 1.0]}, r"probes\[MID\].axes: the direction of axis 1 is the normal"),
+    ({"edge": "DNOT"}, r"plate.axes.edge: no edge group 'DNOT'"),
+    ({"cylinder": {"point": [2.0, 1.5], "axis": [0.0, 0.0, 1.0]}}, r"probes\[MID\].axes: a point lies on the axis"),
+])
+def test_axes_that_fit_no_plate_are_refused(comm, axes, words):
+    table = tomllib.loads(SLAB)
+    table["plate"]["axes"] = axes
+    with pytest.raises(ModelError, match=words), prepare(build_scene(table, Path(".")), comm):
+        pass
