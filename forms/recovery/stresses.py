@@ -7,6 +7,8 @@ import numpy as np
 FACES = {"top": 1.0, "middle": 0.0, "bottom": -1.0}
 """Height over the mid-surface as a part of half the thickness; the normal leaves the top."""
 
+PAIRS = ("11", "22", "12")
+
 ROUND_OFF = 1e-9
 """Part of the largest value of a history below which differences have no direction."""
 
@@ -39,24 +41,37 @@ def von_mises(stress: np.ndarray) -> np.ndarray:
     return equivalent
 
 
+def _tensors(forces: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """Return membrane forces and moments (..., 3), zero where a kinematics has none."""
+    nothing = np.zeros_like(next(iter(forces.values())))
+    membrane, moment = (np.stack([forces.get(f"{letter}{ij}", nothing) for ij in PAIRS], axis=-1) for letter in "NM")
+    return membrane, moment
+
+
+def face_stresses(forces: dict[str, np.ndarray], thickness: float) -> dict[str, np.ndarray]:
+    """Return the stresses S11.top and so on (...) in Pa, which are linear: `forces`, as in `derived`, may be complex amplitudes."""
+    membrane, moment = _tensors(forces)
+    return {
+        f"S{ij}.{face}": face_stress(membrane, moment, thickness, height)[..., k]
+        for face, height in FACES.items() for k, ij in enumerate(PAIRS)
+    }
+
+
 def derived(forces: dict[str, np.ndarray], thickness: float) -> dict[str, tuple[str, np.ndarray]]:
     """Return unit and values of what follows from section forces at one point: by name, as S11.top, mises.top, M1 or angle.M.
 
     `forces` are N11, N22, N12 (N/m) and M11, M22, M12 (N m/m), of which those of a kinematics that has none are absent. Histories are real.
     """
-    some = next(iter(forces.values()))
-    tensors = {
-        letter: np.stack([forces.get(f"{letter}{ij}", np.zeros_like(some)) for ij in ("11", "22", "12")], axis=-1) for letter in "NM"
-    }
+    membrane, moment = _tensors(forces)
     found: dict[str, tuple[str, np.ndarray]] = {}
-    for letter, unit in (("N", "N/m"), ("M", "N m/m")):
+    for letter, unit, tensor in (("N", "N/m", membrane), ("M", "N m/m", moment)):
         if f"{letter}11" in forces:
-            larger, smaller, angle = principal(tensors[letter])
+            larger, smaller, angle = principal(tensor)
             found |= {f"{letter}1": (unit, larger), f"{letter}2": (unit, smaller), f"angle.{letter}": ("rad", angle)}
     for face, height in FACES.items():
-        stress = face_stress(tensors["N"], tensors["M"], thickness, height)
+        stress = face_stress(membrane, moment, thickness, height)
         larger, smaller, angle = principal(stress)
-        found |= {f"S{ij}.{face}": ("Pa", stress[..., k]) for k, ij in enumerate(("11", "22", "12"))}
+        found |= {f"S{ij}.{face}": ("Pa", stress[..., k]) for k, ij in enumerate(PAIRS)}
         found |= {f"S1.{face}": ("Pa", larger), f"S2.{face}": ("Pa", smaller), f"angle.{face}": ("rad", angle)}
         found[f"mises.{face}"] = "Pa", von_mises(stress)
     return found

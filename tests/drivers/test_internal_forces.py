@@ -14,6 +14,7 @@ from uplift.drivers.report.files import write_run
 from uplift.drivers.results.hdf5 import read_results
 from uplift.drivers.scene.request import Request
 from uplift.drivers.scene.scene import build_scene
+from uplift.drivers.studies.harmonic_files import respond
 from uplift.meshes.checked import ModelError
 
 SLAB = """
@@ -136,6 +137,28 @@ def test_sweeps_have_forces(comm):
         assert np.max(np.abs(swept[name] - values)) < 1e-7 * np.max(np.abs(values)), name
     # Before the shaking begins the periodic answer is the state of rest.
     assert periodic.group("cuts")[0] == pytest.approx(exact["cuts"][0], abs=1e-2 * np.max(np.abs(exact["cuts"])))
+
+
+@pytest.mark.complex
+@pytest.mark.serial
+def test_a_harmonic_run_writes_amplitudes(comm, tmp_path):
+    """At 1e-3 Hz the answer to gravity along Z of 1 m/s2 is static; with i omega alpha beside it from the damping stresses."""
+    table = tomllib.loads(SLAB)
+    frequency = 1e-3
+    table["harmonic"] = {"frequencies": [frequency]}
+    with prepare(build_scene(table, Path(".")), comm) as assembly:
+        respond(assembly, tmp_path, plots=False)
+    with (tmp_path / "forces.csv").open(encoding="utf-8") as file:
+        forces = next(csv.DictReader(file))
+    with (tmp_path / "cuts.csv").open(encoding="utf-8") as file:
+        cuts = next(csv.DictReader(file))
+    moment, stress = (float(forces[f"ground motion: MID.{name} re [{unit}]"]) for name, unit in (("M11", "N m/m"), ("S11.top", "Pa")))
+    assert stress == pytest.approx(6 * moment / 0.2**2)
+    # Half of the slab on the corners at its end: weight times a quarter of the length about the middle, 4 m x 3 m x 0.2 m x 2500 kg/m3;
+    # the cut lies between columns of cells, whose nodes on the line belong to the side.
+    elastic = float(cuts["ground motion: HALF.MY re [N m]"])
+    assert abs(elastic) == pytest.approx(6000.0 * 4.0 / 8, rel=0.01)
+    assert float(cuts["ground motion: HALF.MY damping im [N m]"]) == pytest.approx(2 * np.pi * frequency * 2e-3 * elastic, rel=1e-4)
 
 
 @pytest.mark.serial
