@@ -81,7 +81,7 @@ def _internal_forces(assembly: AssembledScene, transfer: Transfer, loads: list[s
 def _stresses(thickness: dict[str, float], rows: dict[str, tuple[str, np.ndarray]]) -> dict[str, tuple[str, np.ndarray]]:
     from uplift.forms.recovery.stresses import face_stresses
 
-    found = {}
+    found: dict[str, tuple[str, np.ndarray]] = {}
     for probe, t in thickness.items():
         own = {name.rpartition(".")[2]: values for name, (_, values) in rows.items() if name.rpartition(".")[0] == probe}
         found |= {f"{probe}.{name}": ("Pa", values) for name, values in face_stresses(own, t).items()}
