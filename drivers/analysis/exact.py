@@ -69,12 +69,18 @@ def _in_small_basis(task: Task) -> Analysis:
 
 def _history(task: Task, model: DenseModel, found: ExactHistory) -> History:
     """Return the archived outputs in the order of the model's own."""
+    from uplift.solvers.time_domain.exact.model import follows_displacement
+
     outputs = task.operators.outputs
     column = 0
     values = np.zeros((len(found.times), outputs.local.shape[0]))
     for name, rows in outputs.layout.items():
+        group = outputs[name]
         if name == "elongation":
             values[:, rows] = found.displacement @ model.elongation.T
+        elif not follows_displacement(group):
+            moved = group.local @ _own(task, found.displacement.T) + group.per_velocity @ _own(task, found.velocity.T)
+            values[:, rows] = outputs.total(moved).T
         else:
             values[:, rows] = found.outputs[:, column : column + rows.stop - rows.start]
             column += rows.stop - rows.start
@@ -87,7 +93,7 @@ def _history(task: Task, model: DenseModel, found: ExactHistory) -> History:
 
 
 def _own(task: Task, displacement: np.ndarray) -> np.ndarray:
-    """Return this rank's rows of a displacement in all dofs of the model that is solved."""
+    """Return this rank's rows of a displacement (n_dofs, ...) in all dofs of the model that is solved."""
     first, last = task.operators.stiffness.getOwnershipRange()
     return displacement[first:last]
 

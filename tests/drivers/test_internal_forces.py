@@ -124,6 +124,20 @@ def test_published_passes_and_the_basis_have_forces(comm):
         assert passes[name].shape == values.shape and np.max(np.abs(passes[name])) > 0
 
 
+@pytest.mark.serial
+def test_the_method_without_steps_has_forces(comm):
+    """It holds the limit of short steps: the march comes nearer with the square of its step."""
+    with prepare(slab(), comm) as assembly:
+        exact = rows_of(analyse(assembly, Request("exact")).final)
+    errors = []
+    for step, every in ((0.01, 1), (0.0025, 4)):
+        with prepare(slab(transient={"step": step, "duration": 0.4, "every": every}), comm) as assembly:
+            found = rows_of(analyse(assembly, Request("transient")).final)
+        errors.append({name: np.max(np.abs(found[name] - exact[name])) / np.max(np.abs(exact[name])) for name in exact})
+    for name in exact:
+        assert errors[1][name] < 0.15 * errors[0][name] and errors[1][name] < 0.05, (name, errors)
+
+
 @pytest.mark.complex
 @pytest.mark.serial
 def test_sweeps_have_forces(comm):

@@ -10,7 +10,7 @@ import numpy as np
 from scipy import linalg, sparse
 
 from uplift.forms.contact.law import UpliftLaw
-from uplift.forms.operators import Operators
+from uplift.forms.operators import Operators, OutputGroup
 from uplift.meshes.checked import ModelError
 
 
@@ -72,7 +72,7 @@ def dense_model(operators: Operators) -> DenseModel:
         raise ModelError("supports", "the exact method takes joints without mass: set mass = 0, or take a method that steps in time")
     n = operators.n
     layout, linear = operators.outputs.layout, _dense(operators.outputs.local, n, operators.comm)
-    kept = [group for group in operators.outputs.groups if group.name != "elongation"]
+    kept = [group for group in operators.outputs.groups if follows_displacement(group)]
     damping = operators.damping
     return DenseModel(
         mass=whole_matrix(operators.mass),
@@ -96,6 +96,11 @@ def dense_model(operators: Operators) -> DenseModel:
         springs=_square(operators, operators.bonded_springs.toarray()),
         unilateral=_square(operators, operators.unilateral_springs.toarray()),
     )
+
+
+def follows_displacement(group: OutputGroup) -> bool:
+    """Tell whether a group is among the outputs of the dense model: all but the elongations, and none that hold a part of the velocity."""
+    return group.name != "elongation" and group.per_velocity is None
 
 
 def _or_zero(values: np.ndarray | None, shape: tuple[int, ...]) -> np.ndarray:
