@@ -180,3 +180,4 @@ class PlateModel(Checked):
     uplift_group: GroupNames = quantity("group or groups of cells whose lifted share is of interest; empty: all", default="")
     axes: Axes | None = quantity("axes of the internal forces where a part has none of its own", default=None)
     cuts: tuple[Cut, ...] = quantity("cuts whose resultants are recorded", default=())
+    envelopes: bool = quantity("record the extremes of the section forces all over the plate", default=False)

@@ -7,7 +7,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -28,6 +28,9 @@ from uplift.meshes.sources import MeshSource
 from uplift.meshes.tagged import TaggedMesh, build_mesh
 from uplift.solvers.contact.published_passes import Passes
 from uplift.solvers.history import History
+
+if TYPE_CHECKING:
+    from uplift.drivers.analysis.envelopes import EnvelopeData
 
 log = logging.getLogger(__name__)
 
@@ -120,6 +123,8 @@ class Analysis:
     """Further facts for the summary."""
     events: ContactEvents | None = None
     """Where the method locates them."""
+    envelopes: EnvelopeData | None = None
+    """Extremes of the section forces all over the plate, on rank 0, where the scene asks for them."""
 
     @property
     def final(self) -> History:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from uplift.drivers.analysis.assembled_scene import Analysis, ContactEvents
+from uplift.drivers.analysis.envelopes import envelopes_of
 from uplift.drivers.analysis.initial_state import rests
 from uplift.drivers.analysis.observers import LiftedShare, Watchers
 from uplift.drivers.analysis.task import Task
@@ -55,7 +56,9 @@ def run_exact(task: Task) -> Analysis:
     if found.error > DOUBTFUL_ERROR:
         say("error in time", f"the time integration is estimated to be off by {found.error:.1%} of the largest value of its kind")
     notes = task.notes | _notes(model, found)
-    return Analysis("exact", Passes([history], number=1), True, lifted=lifted, notes=notes, events=_events(model, found))
+    envelopes = envelopes_of(task, found.times, lambda row: task.operators.reconstruct(_own(task, found.displacement[row])))
+    return Analysis("exact", Passes([history], number=1), True, lifted=lifted, notes=notes, events=_events(model, found),
+                    envelopes=envelopes)
 
 
 def _in_small_basis(task: Task) -> Analysis:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from uplift.drivers.analysis.assembled_scene import Analysis
+from uplift.drivers.analysis.envelopes import EnvelopeData, Envelopes, envelopes_in_time
 from uplift.drivers.analysis.initial_state import start_state
 from uplift.drivers.analysis.observers import LiftedShare, Watchers
 from uplift.drivers.analysis.passes import run_passes
@@ -29,24 +30,29 @@ def run_transient(task: Task) -> Analysis:
     ):
         if isinstance(stepper, Newmark):
             clock.add("factorisation", stepper.solver.factor_seconds)
-        passes, lifted = _march(task, start, stepper)
+        passes, lifted, envelopes = _march(task, start, stepper)
         tries = stepper.contacts.tries if stepper.contacts is not None else None
-    return Analysis(task.request.method, passes, task.exact, tries=tries, lifted=lifted, notes=task.notes)
+    return Analysis(task.request.method, passes, task.exact, tries=tries, lifted=lifted, notes=task.notes, envelopes=envelopes)
 
 
-def _march(task: Task, start: State, stepper: Stepper) -> tuple[Passes, np.ndarray | None]:
-    """Return the histories and the lifted share of the area (nt,) in percent, where the scene asks for it."""
+def _march(task: Task, start: State, stepper: Stepper) -> tuple[Passes, np.ndarray | None, EnvelopeData | None]:
+    """Return the histories, the lifted share of the area (nt,) in percent and the envelopes, where the scene asks for them."""
     settings, snapshots = task.settings, task.snapshots
     share = LiftedShare(task.assembly, settings.archived)
     watchers = Watchers(task, share) if snapshots is not None or share.rows.any() else None
 
+    looking: list[Envelopes] = []
+
     def solve(release: np.ndarray | None) -> History:
+        looking[:] = envelopes_in_time(task, settings.archived, settings.every)
         if snapshots is not None:
             snapshots.start(len(settings.archived))
         return transient(
             stepper, start, settings.steps, every=settings.every, release=release,
-            energy=task.operators.n <= LEDGER_DOFS, watcher=watchers, watch=task.watch,
+            energy=task.operators.n <= LEDGER_DOFS, watcher=watchers, more=looking, watch=task.watch,
         )
 
     passes = Passes([solve(None)], number=1) if task.exact else run_passes(solve, task)
-    return passes, None if passes.ended == "diverged" else share.result()
+    if passes.ended == "diverged":
+        return passes, None, None
+    return passes, share.result(), looking[0].finished() if looking else None

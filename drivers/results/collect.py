@@ -58,6 +58,7 @@ def collect(
         points=points,
         probe_names=tuple(probe.name for probe in model.probes),
         plate=snapshot_data,
+        envelopes=analysis.envelopes,
         spectra=spectra,
         spectra_names=series["probes/acceleration"].names if spectra is not None else (),
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import dolfinx.fem
 import numpy as np
@@ -32,6 +32,9 @@ from uplift.meshes.checked import ModelError
 from uplift.meshes.compat import Mat, Space, Vec
 from uplift.meshes.tagged import TaggedMesh
 
+if TYPE_CHECKING:
+    from uplift.forms.recovery.force_field import ForceField
+
 
 @dataclass(frozen=True)
 class InternalForces:
@@ -43,6 +46,8 @@ class InternalForces:
     """Probe -> thickness in m of the plate there."""
     normals: dict[str, np.ndarray | None] = dataclasses.field(default_factory=dict)
     """Cut -> unit normal (3,) out of its side, None for a line that closes."""
+    field: ForceField | None = None
+    """Section forces all over the plate, where their envelopes are asked for."""
 
 
 @dataclass
@@ -161,6 +166,10 @@ def _internal_forces(field: FullSpace, numbering: Numbering, model: PlateModel) 
 
         cuts = cut_outputs(field, numbering, model)
         found = replace(found, groups=found.groups + cuts.groups, normals=cuts.normals)
+    if model.envelopes:
+        from uplift.forms.recovery.force_field import force_field
+
+        found = replace(found, field=force_field(field, numbering))
     return found
 
 

@@ -12,13 +12,12 @@ from uplift.forms.assembly.full_space import FullSpace
 from uplift.forms.assembly.numbering import Numbering
 from uplift.forms.operators import OutputGroup
 from uplift.forms.parameters import PlateModel, Probe
-from uplift.forms.recovery.axes import Directions
+from uplift.forms.recovery.axes_of_parts import AxesOfParts
 from uplift.forms.recovery.fit import weights_at
 from uplift.forms.recovery.patches import Patch, patch_at
 from uplift.forms.recovery.section_forces import UNITS, SectionForces
 from uplift.meshes.checked import ModelError
 from uplift.meshes.compat import dof_cells
-from uplift.meshes.groups import GroupNames, groups_in_words
 
 GROUP = "forces"
 """Name of the group of outputs."""
@@ -32,7 +31,7 @@ def probe_forces(field: FullSpace, numbering: Numbering, model: PlateModel) -> t
     """
     field.set_material()
     compiled = field.compiled
-    sections, axes = SectionForces(compiled), _AxesOfParts(compiled, model)
+    sections, axes = SectionForces(compiled), AxesOfParts(compiled, model)
     names: list[str] = []
     units: list[str] = []
     rows, thickness = [], {}
@@ -50,28 +49,7 @@ def probe_forces(field: FullSpace, numbering: Numbering, model: PlateModel) -> t
     return OutputGroup(GROUP, tuple(names), tuple(units), sparse.vstack(rows, format="csr")), thickness
 
 
-class _AxesOfParts:
-    """The axes of the parts of a model, each looked up once."""
-
-    def __init__(self, compiled: CompiledForms, model: PlateModel) -> None:
-        self._tagged, self._usual = compiled.tagged, model.axes
-        self._own = {part.group: part.axes for part in model.parts}
-        self.parts = tuple(self._own)
-        self._found: dict[GroupNames | None, Directions] = {}
-
-    def of(self, part: GroupNames | None) -> Directions:
-        """Return the axes of a part, None for the plate (collective)."""
-        if part not in self._found:
-            own = self._own.get(part) if part is not None else None
-            where = f"parts[{groups_in_words(part)}]" if part is not None and own is not None else "plate"
-            try:
-                self._found[part] = Directions(own or self._usual, self._tagged)
-            except ModelError as error:
-                raise ModelError(f"{where}.axes.{error.key or 'edge'}", error.message) from None
-        return self._found[part]
-
-
-def _rows_of(probe: Probe, patch: Patch, sections: SectionForces, axes: _AxesOfParts, numbering: Numbering) -> sparse.csr_matrix:
+def _rows_of(probe: Probe, patch: Patch, sections: SectionForces, axes: AxesOfParts, numbering: Numbering) -> sparse.csr_matrix:
     """Return the section forces at a probe, (n_components, n_local) (collective)."""
     point, compiled, comm = np.asarray(probe.point), sections.compiled, numbering.comm
     directions = axes.of(patch.part)

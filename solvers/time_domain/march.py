@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, Protocol
 
 import numpy as np
@@ -70,6 +71,7 @@ def transient(
     release: np.ndarray | None = None,
     energy: bool = False,
     watcher: FieldWatcher | None = None,
+    more: Sequence[Observer] = (),
     watch: Watch | None = None,
 ) -> History:
     """March `steps` steps from time 0 and the state `start`, which is left as it is (collective).
@@ -77,8 +79,9 @@ def transient(
     Every `every`-th step is archived. `release` (n_archived, n_channels) N are release forces known at the archived instants
     and interpolated linearly between them; without them uplift is exact, or left out, as the stepper was made. `energy`
     keeps the ledger of energies, at three products of a matrix and a vector a step, unless auxiliary nodes have masses that count,
-    whose energy it does not know. `watcher` is shown the archived displacements. `watch` shows the progress and keeps checkpoints, from
-    which the same march goes on to the same bits on as many ranks. Many parameters because all but the first three may be left out.
+    whose energy it does not know. `watcher` is shown the archived displacements, and `more` look on too. `watch` shows the progress and
+    keeps checkpoints, from which the same march goes on to the same bits on as many ranks. Many parameters because all but the first
+    three may be left out.
     """
     operators = stepper.operators
     times = stepper.step * np.arange(steps + 1)
@@ -94,6 +97,7 @@ def transient(
         observers.append(ledger)
     if watcher is not None:
         observers.append(FieldObserver(operators, every, watcher))
+    observers += more
     kept = KeptMarch(watch, operators.world, stepper, observers)
     reached = kept.read(start)
     if reached < 0:

@@ -122,7 +122,7 @@ def tables():
     rectangle["modal"] = {"number": 3, "shift": -1.0, "diagonal": True, "static_correction": True}
     rectangle["harmonic"] = {"frequencies": [1, 2.0]}
     rectangle["basis"] = {"tolerance": 1e-4, "band": 20.0, "file": "basis.h5"}
-    rectangle["output"] = {"instants": [0.5], "uplift": "all", "uplift_group": "DAL1"}
+    rectangle["output"] = {"instants": [0.5], "uplift": "all", "uplift_group": "DAL1", "envelopes": True}
     panels = tomllib.loads(BASE)
     panels["mesh"] = {
         "size": 1.0, "cell": "triangle", "degree": 2, "points": {"TOP": [1.0, 1.0, 0.0]},
