@@ -7,10 +7,11 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from uplift.drivers.analysis.envelope_data import EnvelopeData
 from uplift.drivers.analysis.form_cache import form_cache
 from uplift.drivers.process import form_compiler, silent_compiler
 from uplift.drivers.scene.refinement import kinematics_of
@@ -28,9 +29,6 @@ from uplift.meshes.sources import MeshSource
 from uplift.meshes.tagged import TaggedMesh, build_mesh
 from uplift.solvers.contact.published_passes import Passes
 from uplift.solvers.history import History
-
-if TYPE_CHECKING:
-    from uplift.drivers.analysis.envelopes import EnvelopeData
 
 log = logging.getLogger(__name__)
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from uplift.drivers.analysis.envelope_data import EnvelopeData
 from uplift.forms.operators import Operators
 from uplift.solvers.time_domain.kept import Kept
 from uplift.solvers.time_domain.state import Instants
@@ -18,22 +18,6 @@ if TYPE_CHECKING:
 
 BLOCK_BYTES = 2**26
 """In a basis the products of components and instants are made in blocks of this size."""
-
-
-@dataclass(frozen=True)
-class EnvelopeData:
-    """The envelopes of a run, on rank 0."""
-
-    places: np.ndarray
-    """(n_places, 3) m."""
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    least: np.ndarray
-    """(n_places, n_components)."""
-    largest: np.ndarray
-    t_least: np.ndarray
-    """(n_places, n_components) s: the first instant at which it is reached."""
-    t_largest: np.ndarray
 
 
 def envelopes_in_time(task: Task, times: np.ndarray, every: int) -> list[Envelopes]:

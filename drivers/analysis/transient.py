@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from uplift.drivers.analysis.assembled_scene import Analysis
-from uplift.drivers.analysis.envelopes import EnvelopeData, Envelopes, envelopes_in_time
+from uplift.drivers.analysis.envelope_data import EnvelopeData
+from uplift.drivers.analysis.envelopes import Envelopes, envelopes_in_time
 from uplift.drivers.analysis.initial_state import start_state
 from uplift.drivers.analysis.observers import LiftedShare, Watchers
 from uplift.drivers.analysis.passes import run_passes

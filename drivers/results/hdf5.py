@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from uplift.drivers.analysis.envelopes import EnvelopeData
+from uplift.drivers.analysis.envelope_data import EnvelopeData
 from uplift.drivers.analysis.snapshots import SnapshotData
 from uplift.drivers.results.results import Results, Series
 from uplift.meshes.checked import ModelError

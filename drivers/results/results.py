@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from uplift.drivers.analysis.envelopes import EnvelopeData
+from uplift.drivers.analysis.envelope_data import EnvelopeData
 from uplift.drivers.analysis.snapshots import SnapshotData
 from uplift.solvers.spectra import DAMPING, FREQUENCIES, ResponseSpectrum, response_spectrum
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from uplift.forms.assembly.compiled_forms import CompiledForms
 from uplift.forms.parameters import PlateModel
-from uplift.forms.recovery.axes import Directions
+from uplift.forms.recovery.directions import Directions
 from uplift.meshes.checked import ModelError
 from uplift.meshes.groups import GroupNames, groups_in_words
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from mpi4py import MPI
 
 from uplift.drivers.analysis.analyse import analyse
 from uplift.drivers.analysis.assembled_scene import prepare
@@ -80,6 +81,7 @@ def rows_of(history):
     return {name: history.group(name) for name in ("forces", "cuts", "cuts damping")}
 
 
+@pytest.mark.ranks
 def test_forces_and_cuts_are_written_with_their_units(comm, tmp_path):
     with prepare(slab(), comm) as assembly:
         analysis = analyse(assembly, Request("transient"))
@@ -107,7 +109,6 @@ def test_forces_and_cuts_are_written_with_their_units(comm, tmp_path):
     assert "cuts/damping moment" in read_results(tmp_path).series
 
 
-@pytest.mark.serial
 @pytest.mark.parametrize("method", ["static", "transient", "modal"])
 def test_methods_agree_on_forces(comm, method):
     """Half the weight stands on either side; six modes with static answers of a plate of 20 Hz and more give moments to 2 %."""
@@ -119,7 +120,6 @@ def test_methods_agree_on_forces(comm, method):
         assert np.max(np.abs(found[name] - exact[name][: len(found[name])])) <= limit * np.max(np.abs(exact[name])), name
 
 
-@pytest.mark.serial
 def test_published_passes_and_the_basis_have_forces(comm):
     with prepare(slab(), comm) as assembly:
         exact = rows_of(analyse(assembly, Request("transient")).final)
@@ -130,7 +130,36 @@ def test_published_passes_and_the_basis_have_forces(comm):
         assert passes[name].shape == values.shape and np.max(np.abs(passes[name])) > 0
 
 
-@pytest.mark.serial
+@pytest.mark.ranks(2, 3)
+@pytest.mark.parametrize("method", ["static", "transient"])
+def test_ranks_agree(comm, method):
+    """A raft with a wall and a lid that fold, shared out over all ranks and on each alone."""
+    corners = {"RAFT": [[0, 0, 0], [4, 0, 0], [4, 3, 0], [0, 3, 0]], "WALL": [[0, 1, 0], [4, 1, 0], [4, 1, 2], [0, 1, 2]]}
+    table = tomllib.loads(SLAB)
+    bed = {"name": "BED", "grid": {"from": [0, 0], "to": [4, 3], "count": [3, 3]}, "unilateral": "Z",
+           "stiffness": {"X": 1e7, "Y": 1e7, "Z": 1e7}, "contact": {"X": 1e11, "Y": 1e11, "Z": 1e11}}
+    table |= {
+        "mesh": {"size": 1.0, "plates": [{"name": name, "corners": at} for name, at in corners.items()]}, "supports": [bed],
+        "probes": [{"name": "A", "point": [2.0, 1.0, 0.0], "forces": True, "part": "WALL"},
+                   {"name": "B", "point": [1.7, 2.2], "forces": True}],
+        "cuts": [{"name": "FOOT", "group": "WALL.1", "side": "WALL", "point": [2, 1, 0]},
+                 {"name": "UP", "plane": {"point": [0, 0, 1], "normal": [0.0, 0.1, -1.0]}, "point": [1.0, 0.0, 0.0]}],
+        "transient": {"step": 0.01, "duration": 0.2},
+    }
+    found = []
+    for world in (comm, MPI.COMM_SELF):
+        with prepare(build_scene(table, Path(".")), world) as assembly:
+            history = analyse(assembly, Request(method)).final
+            found.append((rows_of(history), assembly.plate.forces.normals))
+    (together, normals), (alone, own) = found
+    for name, values in alone.items():
+        apart = np.max(np.abs(together[name] - values))
+        size = np.max(np.abs(alone[name.removesuffix(" damping")]))  # damping stands beside the elastic forces
+        assert apart <= 1e-11 * size, (name, apart, size)
+    for name, normal in own.items():
+        assert normals[name] == pytest.approx(normal, abs=1e-12)
+
+
 def test_the_method_without_steps_has_forces(comm):
     """It holds the limit of short steps: the march comes nearer with the square of its step."""
     with prepare(slab(), comm) as assembly:
@@ -145,7 +174,6 @@ def test_the_method_without_steps_has_forces(comm):
 
 
 @pytest.mark.complex
-@pytest.mark.serial
 def test_sweeps_have_forces(comm):
     """The Laplace sweep is the march; the first pass of the Fourier sweep is the linear march where both converge."""
     with prepare(slab(), comm) as assembly:
@@ -160,7 +188,6 @@ def test_sweeps_have_forces(comm):
 
 
 @pytest.mark.complex
-@pytest.mark.serial
 def test_a_harmonic_run_writes_amplitudes(comm, tmp_path):
     """At 1e-3 Hz the answer to gravity along Z of 1 m/s2 is static; with i omega alpha beside it from the damping stresses."""
     table = tomllib.loads(SLAB)
@@ -181,7 +208,6 @@ def test_a_harmonic_run_writes_amplitudes(comm, tmp_path):
     assert float(cuts["ground motion: HALF.MY damping im [N m]"]) == pytest.approx(2 * np.pi * frequency * 2e-3 * elastic, rel=1e-4)
 
 
-@pytest.mark.serial
 def test_a_scene_that_asks_for_no_forces_has_no_rows_for_them(comm):
     table = tomllib.loads(SLAB)
     del table["cuts"]
@@ -191,7 +217,6 @@ def test_a_scene_that_asks_for_no_forces_has_no_rows_for_them(comm):
         assert assembly.operators.outputs.per_velocity is None
 
 
-@pytest.mark.serial
 @pytest.mark.parametrize(("section", "value", "words"), [
     ("probes", [{"name": "P", "point": [1.0, 1.0], "part": "DAL1"}], r"probes\[P\].part: expected forces = true"),
     ("probes", [{"name": "P", "point": [1.0, 1.0], "forces": "yes"}], r"probes\[P\].forces: expected true or false"),
@@ -222,6 +247,7 @@ def test_axes_that_fit_no_plate_are_refused(comm, axes, words):
         pass
 
 
+@pytest.mark.ranks
 @pytest.mark.parametrize("request_", [Request("transient"), Request("modal"), Request("transient", 1), Request("static"), Request("exact")])
 def test_envelopes_are_the_extremes_of_all_instants(comm, request_):
     """Against the section forces at every instant from the film of displacements, each place by itself."""
@@ -258,6 +284,7 @@ def test_envelopes_are_the_extremes_of_all_instants(comm, request_):
         assert np.all(np.abs(reached - values.max(axis=0)) <= 1e-11 * size)
 
 
+@pytest.mark.ranks
 def test_envelopes_are_written_with_places_and_units(comm, tmp_path):
     with prepare(slab(output={"envelopes": True}), comm) as assembly:
         write_run(assembly, analyse(assembly, Request("transient")), tmp_path, plots=False)
@@ -276,7 +303,6 @@ def test_envelopes_are_written_with_places_and_units(comm, tmp_path):
 
 
 @pytest.mark.complex
-@pytest.mark.serial
 def test_envelopes_of_the_sweep_are_those_of_the_march(comm):
     with prepare(slab(output={"envelopes": True}), comm) as assembly:
         exact = analyse(assembly, Request("transient")).envelopes
@@ -285,7 +311,6 @@ def test_envelopes_of_the_sweep_are_those_of_the_march(comm):
     assert swept.least == pytest.approx(exact.least, abs=1e-7 * np.max(np.abs(exact.least)))
 
 
-@pytest.mark.serial
 @pytest.mark.parametrize("reduced", [False, True])
 def test_envelopes_go_on_from_what_a_checkpoint_keeps(comm, reduced):
     with prepare(slab(output={"envelopes": True}), comm) as assembly:

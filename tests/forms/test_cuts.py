@@ -138,7 +138,6 @@ def closes(found, needed):
         assert found[:, part] == pytest.approx(needed[:, part], abs=1e-9 * np.max(np.abs(needed[:, part])))
 
 
-@pytest.mark.serial
 @pytest.mark.parametrize("scheme", [Scheme(), Scheme(0.3025, 0.6)])
 def test_what_stands_on_a_cut_is_in_equilibrium_at_every_instant(comm, scheme):
     with prepare(build_scene(building(), Path(".")), comm) as assembly:
@@ -153,7 +152,6 @@ def test_what_stands_on_a_cut_is_in_equilibrium_at_every_instant(comm, scheme):
         closes(found[:, :6], needed)
 
 
-@pytest.mark.serial
 def test_cuts_in_a_basis_are_those_of_its_displacements(comm):
     """The forces are those of the displacements that the basis has; they balance its inertia as far as it goes, here to 1e-6."""
     with prepare(build_scene(building(), Path(".")), comm) as assembly:
@@ -212,6 +210,7 @@ def test_weight_on_the_line_belongs_to_the_side(comm):
     assert found["C.FY"] == pytest.approx(2500.0 * 10.0 * 0.2 * 4.0 * 4.5, rel=1e-9)
 
 
+@pytest.mark.ranks
 def test_cuts_with_nothing_on_one_side_are_refused(comm):
     for cut, words in (
         ({"group": "DBAS", "side": "DAL1"}, r"cuts\[C\].side: expected cells on both sides"),
@@ -224,7 +223,6 @@ def test_cuts_with_nothing_on_one_side_are_refused(comm):
             results(comm, **WALL, cuts=[{"name": "C", "point": [0.0, 0.0], **cut}])
 
 
-@pytest.mark.serial
 @pytest.mark.parametrize(("cut", "words"), [
     ({"group": "DBAS"}, r"cuts\[C\].side: missing"),
     ({}, r"cuts\[C\].group: expected either an edge group or a plane"),

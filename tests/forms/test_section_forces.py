@@ -181,6 +181,7 @@ def test_roof_of_scordelis_and_lo(comm, tmp_path):
     assert along[-1] > 0 and found["P0.M22"] < 0
 
 
+@pytest.mark.ranks
 def test_axes_along_an_edge_and_of_a_part_without_a_material(comm):
     mesh = {"size": 1.0, "plates": [{"name": "A", "corners": [[0, 0, 0], [4, 0, 0], [4, 4, 0], [0, 4, 0]], "edges": ["S", "E", "N", "W"]}]}
     common = {"mesh": mesh, "conditions": [{"group": "W", "edge": "clamped"}], "kinematics": {"kind": "shell"},
@@ -191,6 +192,7 @@ def test_axes_along_an_edge_and_of_a_part_without_a_material(comm):
     assert (turned["P.N22"], turned["P.N11"]) == pytest.approx((usual["P.N11"], usual["P.N22"]))
 
 
+@pytest.mark.ranks
 def test_a_probe_where_plates_meet_names_its_part(comm):
     mesh = {"size": 1.0, "plates": [
         {"name": "FLOOR", "corners": [[0, 0, 0], [4, 0, 0], [4, 4, 0], [0, 4, 0]]},
@@ -208,7 +210,6 @@ def test_a_probe_where_plates_meet_names_its_part(comm):
     assert found["P.N12"] == pytest.approx(10.0, rel=0.5)  # of the mean over the foot, which its ends disturb
 
 
-@pytest.mark.serial
 def test_weights_give_back_polynomials_and_know_no_curvature_across_two_rows():
     points = np.random.default_rng(4).uniform(size=(20, 2))
     weights = weights_at(np.array([0.3, 0.6]), points, 2)
@@ -218,7 +219,6 @@ def test_weights_give_back_polynomials_and_know_no_curvature_across_two_rows():
     assert weights @ (rows[:, 0] ** 2 + 3 * rows[:, 1]) == pytest.approx(1.0)
 
 
-@pytest.mark.serial
 def test_principal_values_and_their_direction():
     """A pull of 5 at 30 degrees from axis 1."""
     c, s = np.cos(np.pi / 6), np.sin(np.pi / 6)
