@@ -119,9 +119,10 @@ def _start(model: Operators, start: str, exact_uplift: bool) -> Any:
 def _named(model: Operators, history: History) -> Histories:
     values: dict[str, np.ndarray] = {}
     units: dict[str, str] = {}
-    for name in ("probes", "reactions"):
-        group = model.outputs[name]
-        values |= dict(zip(group.names, history.group(name).T, strict=True))
+    for group in model.outputs.groups:
+        if group.name == "elongation":
+            continue
+        values |= dict(zip(group.names, history.group(group.name).T, strict=True))
         units |= dict(zip(group.names, group.units, strict=True))
     if history.accelerations is not None:
         for name, unit, column in zip(model.probes.names, model.probes.units, history.accelerations.T, strict=True):

@@ -8,6 +8,7 @@ import numpy as np
 
 from uplift.forms.contact.supports import AXES, PLACES, Placed, PlacedPoint, Point, Spring, Support, in_space, six
 from uplift.forms.loads.signals import Signal
+from uplift.forms.recovery.axes import Axes, direction_of
 from uplift.forms.shells.material import Material
 from uplift.meshes.checked import Checked, ModelError, quantity
 from uplift.meshes.groups import GroupNames
@@ -23,11 +24,15 @@ class Probe(Checked):
     name: str = quantity("name of the probe")
     point: PlacedPoint = quantity("position, at a node or anywhere in the plate", "m")
     rotations: bool = quantity("record the rotations too", default=False)
+    forces: bool = quantity("record membrane forces, moments, shear forces and stresses too", default=False)
+    part: GroupNames = quantity("with `forces`: group of cells whose forces are meant where several plates meet at the point", default="")
 
     def check(self) -> None:
-        """Complete the point to three coordinates."""
+        """Complete the point to three coordinates; a part belongs to forces."""
         if not isinstance(self.point, str):
             object.__setattr__(self, "point", in_space(self.point))
+        if self.part and not self.forces:
+            raise ModelError("part", "expected forces = true, which it belongs to")
 
 
 @dataclass(frozen=True)
@@ -55,6 +60,7 @@ class Part(Checked):
 
     group: GroupNames = quantity("group or groups of cells")
     material: Material = quantity("material and thickness of these cells")
+    axes: Axes | None = quantity("axes of the internal forces in these cells", default=None)
 
     def check(self) -> None:
         """Refuse a part without a group: the material of the model is that of all other cells."""
@@ -121,6 +127,41 @@ class Pressure(Checked):
 
 
 @dataclass(frozen=True)
+class Plane(Checked):
+    """A plane that cuts a model."""
+
+    point: Point = quantity("a point of the plane", "m")
+    normal: tuple[float, ...] = quantity("its normal, which points away from the side")
+
+    def check(self) -> None:
+        """Complete the point; refuse a normal that is no direction."""
+        object.__setattr__(self, "point", in_space(self.point))
+        object.__setattr__(self, "normal", direction_of(self.normal, "normal"))
+
+
+@dataclass(frozen=True)
+class Cut(Checked):
+    """A line of cell edges across which the resultants of the forces are recorded: what the rest exerts on one side.
+
+    Nodal loads and supports on the line belong to the side. A plane cuts along the edges of cells nearest to it.
+    """
+
+    name: str = quantity("name of the cut")
+    point: Point = quantity("point that the moments are about", "m")
+    group: GroupNames = quantity("edge group or groups that are the line; this or a plane", default="")
+    plane: Plane | None = quantity("plane; cells whose middle lies where its normal does not point to are the side", default=None)
+    side: GroupNames = quantity("group or groups of cells on one side of the edge; with a plane, the only cells that are cut", default="")
+
+    def check(self) -> None:
+        """Either an edge and its side, or a plane."""
+        object.__setattr__(self, "point", in_space(self.point))
+        if bool(self.group) == (self.plane is not None):
+            raise ModelError("group", "expected either an edge group or a plane")
+        if self.group and not self.side:
+            raise ModelError("side", "missing; expected the group of cells on one side of the edge")
+
+
+@dataclass(frozen=True)
 class PlateModel(Checked):
     """All that a plate or shell is made of, apart from its mesh."""
 
@@ -137,3 +178,6 @@ class PlateModel(Checked):
     pressures: tuple[Pressure, ...] = quantity("pressures", default=())
     up: str = quantity("axis that points up; empty: Y in plane stress, else Z", default="", one_of=("", "X", "Y", "Z"))
     uplift_group: GroupNames = quantity("group or groups of cells whose lifted share is of interest; empty: all", default="")
+    axes: Axes | None = quantity("axes of the internal forces where a part has none of its own", default=None)
+    cuts: tuple[Cut, ...] = quantity("cuts whose resultants are recorded", default=())
+    envelopes: bool = quantity("record the extremes of the section forces all over the plate", default=False)

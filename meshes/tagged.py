@@ -91,6 +91,18 @@ class TaggedMesh:
             for facet in owned for cell in to_cells.links(facet)
         ]
 
+    def cell_sides(self, name: GroupNames) -> list[tuple[int, tuple[int, int]]]:
+        """Return (cell, corners at the ends of its side) of each cell that this rank owns at an edge group."""
+        topology = self.mesh.topology
+        for pair in ((1, 2), (2, 1)):
+            topology.create_connectivity(*pair)
+        to_cells, to_facets = topology.connectivity(1, 2), topology.connectivity(2, 1)
+        ends, owned = SIDES[self.mesh.ufl_domain().ufl_cell().cellname()], topology.index_map(2).size_local
+        return [
+            (int(cell), ends[int(np.flatnonzero(to_facets.links(cell) == facet)[0])])
+            for facet in self.facets(name) for cell in to_cells.links(facet) if cell < owned
+        ]
+
     def point(self, name: str) -> np.ndarray:
         """Return the coordinates (n, 3) in m of the point group `name`."""
         if name not in self.points:

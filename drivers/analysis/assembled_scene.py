@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from uplift.drivers.analysis.envelope_data import EnvelopeData
 from uplift.drivers.analysis.form_cache import form_cache
 from uplift.drivers.process import form_compiler, silent_compiler
 from uplift.drivers.scene.refinement import kinematics_of
@@ -120,6 +121,8 @@ class Analysis:
     """Further facts for the summary."""
     events: ContactEvents | None = None
     """Where the method locates them."""
+    envelopes: EnvelopeData | None = None
+    """Extremes of the section forces all over the plate, on rank 0, where the scene asks for them."""
 
     @property
     def final(self) -> History:

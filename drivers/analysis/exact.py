@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from uplift.drivers.analysis.assembled_scene import Analysis, ContactEvents
+from uplift.drivers.analysis.envelopes import envelopes_of
 from uplift.drivers.analysis.initial_state import rest_state, rests
 from uplift.drivers.analysis.observers import LiftedShare, Watchers
 from uplift.drivers.analysis.task import Task
@@ -59,9 +60,10 @@ def run_exact(task: Task) -> Analysis:
         history, lifted = _history(task, model, found), _lifted(task, found)
     if found.error > DOUBTFUL_ERROR:
         say("error in time", f"the time integration is estimated to be off by {found.error:.1%} of the largest value of its kind")
+    envelopes = envelopes_of(task, found.times, lambda row: task.operators.reconstruct(_own(task, found.displacement[row])))
     partial = {name for group in task.operators.outputs.groups if group.inertia for name in group.names}
-    notes = task.notes | _notes(model, found, partial)
-    return Analysis("exact", Passes([history], number=1), True, lifted=lifted, notes=notes, events=_events(model, found))
+    notes, events = task.notes | _notes(model, found, partial), _events(model, found)
+    return Analysis("exact", Passes([history], number=1), True, lifted=lifted, notes=notes, events=events, envelopes=envelopes)
 
 
 def _in_small_basis(task: Task) -> Analysis:
@@ -109,7 +111,7 @@ def _across_gaps(task: Task) -> Start:
 
 
 def _own(task: Task, displacement: np.ndarray) -> np.ndarray:
-    """Return this rank's rows of a displacement in all dofs of the model that is solved."""
+    """Return this rank's rows of a displacement (n_dofs, ...) in all dofs of the model that is solved."""
     first, last = task.operators.stiffness.getOwnershipRange()
     return displacement[first:last]
 

@@ -1,4 +1,4 @@
-"""Harmonic responses of the probes."""
+"""Harmonic responses of the outputs."""
 
 from __future__ import annotations
 
@@ -11,10 +11,17 @@ from uplift.drivers.process import require_scalars
 from uplift.forms.operators import Load, no_contacts
 from uplift.meshes.checked import ModelError
 from uplift.solvers.frequency_domain.harmonic import harmonic_sweep
+from uplift.solvers.frequency_domain.transfer import Transfer
 
 
 def probe_responses(assembly: AssembledScene) -> tuple[list[Load], np.ndarray]:
-    """Return the loads that shake the plate, and the answers (n_f, n_probes, n_loads) m or rad to each of them (collective).
+    """Return the loads that shake the plate, and the answers (n_f, n_probes, n_loads) m or rad to each of them (collective)."""
+    shaking, transfer = responses(assembly)
+    return shaking, transfer.probes
+
+
+def responses(assembly: AssembledScene) -> tuple[list[Load], Transfer]:
+    """Return the loads that shake the plate, and the answers of all outputs to each of them (collective).
 
     The history of a load is exp(i omega t) times its vector. Raises `ModelError` if there is none beside gravity.
     """
@@ -27,4 +34,4 @@ def probe_responses(assembly: AssembledScene) -> tuple[list[Load], np.ndarray]:
         raise ModelError("load", "expected a load beside gravity: nothing shakes the plate")
     with assembly.clock.phase("solution"):
         linear = replace(operators, loads=shaking, contacts=no_contacts(operators.n_local, operators.comm))
-        return shaking, harmonic_sweep(linear, 2 * np.pi * settings.points).probes
+        return shaking, harmonic_sweep(linear, 2 * np.pi * settings.points)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from uplift.drivers.analysis.assembled_scene import Analysis
+from uplift.drivers.analysis.envelopes import envelopes_of
 from uplift.drivers.analysis.equilibrium import equilibrium_notes, equilibrium_of
 from uplift.drivers.analysis.initial_state import rest_state
 from uplift.drivers.analysis.observers import LiftedShare, take_snapshots
@@ -29,4 +30,5 @@ def run_static(task: Task) -> Analysis:
     share.watch(0, here)
     take_snapshots(task, 1, lambda _: here, costly=False)
     history = History(np.zeros(1), values, outputs, release, 0, here)
-    return Analysis("static", Passes([history], number=1), True, lifted=share.result(), notes=equilibrium_notes(task.assembly, equilibrium))
+    envelopes, notes = envelopes_of(task, history.times, lambda _: here), equilibrium_notes(task.assembly, equilibrium)
+    return Analysis("static", Passes([history], number=1), True, lifted=share.result(), notes=notes, envelopes=envelopes)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from uplift.drivers.analysis.assembled_scene import Analysis
+from uplift.drivers.analysis.envelopes import envelopes_of
 from uplift.drivers.analysis.initial_state import rest_state, rests
 from uplift.drivers.analysis.observers import LiftedShare, take_snapshots
 from uplift.drivers.analysis.passes import run_passes
@@ -45,7 +46,10 @@ def run_laplace(task: Task) -> Analysis:
                 share.watch(row, values)
         take_snapshots(task, len(settings.archived), run.field)
     notes = task.notes | {"laplace_points": run.points}
-    return Analysis("time-frequency", Passes([run.history], number=1), True, tries=run.tries, lifted=share.result(), notes=notes)
+    envelopes = envelopes_of(task, settings.archived, run.field)
+    return Analysis(
+        "time-frequency", Passes([run.history], number=1), True, tries=run.tries, lifted=share.result(), notes=notes, envelopes=envelopes
+    )
 
 
 def run_fourier(task: Task) -> Analysis:
@@ -85,4 +89,5 @@ def run_fourier(task: Task) -> Analysis:
         "load_energy_above_cutoff": cut,
         "load_energy_above_nyquist": folded,
     }
-    return Analysis("time-frequency", passes, False, transform_check=check, notes=notes)
+    envelopes = None if passes.ended == "diverged" else envelopes_of(task, window.times, response.field(acted))
+    return Analysis("time-frequency", passes, False, transform_check=check, notes=notes, envelopes=envelopes)

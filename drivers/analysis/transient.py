@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from uplift.drivers.analysis.assembled_scene import Analysis
+from uplift.drivers.analysis.envelope_data import EnvelopeData
+from uplift.drivers.analysis.envelopes import Envelopes, envelopes_in_time
 from uplift.drivers.analysis.equilibrium import equilibrium_notes, equilibrium_of
 from uplift.drivers.analysis.initial_state import start_state
 from uplift.drivers.analysis.observers import LiftedShare, Watchers
@@ -35,10 +35,10 @@ def run_transient(task: Task) -> Analysis:
         if isinstance(stepper, Newmark):
             clock.add("factorisation", stepper.solver.factor_seconds)
         equilibrium = _equilibrium(task, stepper)
-        passes, lifted = _march(task, start, stepper, () if equilibrium is None else (equilibrium,))
+        passes, lifted, envelopes = _march(task, start, stepper, [] if equilibrium is None else [equilibrium])
         tries = stepper.contacts.tries if stepper.contacts is not None else None
     notes = task.notes | (equilibrium_notes(task.assembly, equilibrium) if equilibrium is not None and passes.ended != "diverged" else {})
-    return Analysis(task.request.method, passes, task.exact, tries=tries, lifted=lifted, notes=notes)
+    return Analysis(task.request.method, passes, task.exact, tries=tries, lifted=lifted, notes=notes, envelopes=envelopes)
 
 
 def _equilibrium(task: Task, stepper: Stepper) -> Equilibrium | None:
@@ -52,19 +52,26 @@ def _equilibrium(task: Task, stepper: Stepper) -> Equilibrium | None:
     return equilibrium_of(task.assembly, load_values(task.operators, task.settings.archived), task.settings.every)
 
 
-def _march(task: Task, start: State, stepper: Stepper, observers: Sequence[Observer]) -> tuple[Passes, np.ndarray | None]:
-    """Return the histories and the lifted share of the area (nt,) in percent, where the scene asks for it."""
+def _march(
+    task: Task, start: State, stepper: Stepper, observers: list[Observer]
+) -> tuple[Passes, np.ndarray | None, EnvelopeData | None]:
+    """Return the histories, the lifted share of the area (nt,) in percent and the envelopes, where the scene asks for them."""
     settings, snapshots = task.settings, task.snapshots
     share = LiftedShare(task.assembly, settings.archived)
     watchers = Watchers(task, share) if snapshots is not None or share.rows.any() else None
 
+    looking: list[Envelopes] = []
+
     def solve(release: np.ndarray | None) -> History:
+        looking[:] = envelopes_in_time(task, settings.archived, settings.every)
         if snapshots is not None:
             snapshots.start(len(settings.archived))
         return transient(
             stepper, start, settings.steps, every=settings.every, release=release,
-            energy=task.operators.n <= LEDGER_DOFS, watcher=watchers, more=observers, watch=task.watch,
+            energy=task.operators.n <= LEDGER_DOFS, watcher=watchers, more=[*observers, *looking], watch=task.watch,
         )
 
     passes = Passes([solve(None)], number=1) if task.exact else run_passes(solve, task)
-    return passes, None if passes.ended == "diverged" else share.result()
+    if passes.ended == "diverged":
+        return passes, None, None
+    return passes, share.result(), looking[0].finished() if looking else None

@@ -21,6 +21,7 @@ from uplift.drivers.results.collect import collect
 from uplift.drivers.results.folder import all_or_nothing, processor, versions, write_history, write_summary
 from uplift.drivers.results.hdf5 import NAME as RESULTS
 from uplift.drivers.results.hdf5 import read_results, write_results
+from uplift.drivers.results.internal_forces import columns_of
 from uplift.drivers.results.viewers import write_fields, write_film
 from uplift.forms.assembly.reactions import BY_GROUP
 from uplift.forms.operators import OutputGroup
@@ -81,6 +82,8 @@ def tables(assembly: AssembledScene, analysis: Analysis) -> dict[str, dict[str, 
             lifted = history.openings(contacts.law) > 0
             result["reactions"][OPEN] = 100.0 * lifted.mean(axis=1)
         result["reactions"] |= _named(assembly.operators.outputs[BY_GROUP], history.group(BY_GROUP))
+    for table, listed in columns_of(assembly.plate.forces, history).items():
+        result[table] = {f"{column.name} [{column.unit}]": column.values for column in listed}
     if history.ledger is not None:
         ledger = history.ledger
         stored = {"kinetic [J]": ledger.kinetic, "strain [J]": ledger.strain, "springs [J]": ledger.springs}

@@ -8,6 +8,7 @@ import numpy as np
 
 from uplift.drivers.analysis.snapshots import vectors_in_space
 from uplift.drivers.results.contact_lines import contact_lines
+from uplift.drivers.results.internal_forces import columns_of, series_of
 from uplift.drivers.results.results import Results, Series, floor_spectra
 from uplift.forms.assembly.points import in_words
 from uplift.forms.assembly.reactions import BY_GROUP
@@ -33,6 +34,7 @@ def collect(
     about = f"Their moments about {in_words(assembly.plate.moments_about)}"
     series |= _reactions(operators.reactions, history.reactions, "", about)
     series |= _reactions(operators.outputs[BY_GROUP], history.group(BY_GROUP), " by group", about)
+    series |= series_of(columns_of(assembly.plate.forces, history))
     watched = snapshot_data is not None and snapshot_data.watched > 0
     lifted = snapshot_data.lifted if snapshot_data is not None and watched else analysis.lifted
     if lifted is not None:
@@ -60,6 +62,7 @@ def collect(
         points=points,
         probe_names=tuple(probe.name for probe in model.probes),
         plate=snapshot_data,
+        envelopes=analysis.envelopes,
         spectra=spectra,
         spectra_names=series["probes/acceleration"].names if spectra is not None else (),
     )

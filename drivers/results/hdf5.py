@@ -3,12 +3,14 @@
 - / has the attributes format, version, name.
 - /scene: the scene file, text; /facts: the summary, JSON.
 - /times: (nt,) s.
-- /probes, /ground, /contacts, /reactions, /uplift, /energy: histories (nt, n); attributes: unit, names (of the columns), about.
+- /probes, /ground, /contacts, /reactions, /forces, /cuts, /uplift, /energy: histories (nt, n);
+  attributes: unit, names (of the columns), about.
 - /points: probes, contacts, springs, (n, 3) m; directions: in which the contacts push.
 - /mesh: points (n, 3) m, cells in the order of VTK (attribute cell_type), peak and envelope of the displacements.
 - /film/0000 ...: (n, 3) m, nodal displacements in single precision; attributes: row (of /times), time in s.
 - /amplitude: modulus (m) and phase (rad) of a sweep's field at one frequency (attribute, Hz).
 - /spectra: frequencies (Hz), damping (ratios), acceleration (n_d, n_f, n) m/s2, displacement (m), floor (m/s2).
+- /envelopes: places (n, 3) m, and for each section force, as M11, min and max (attribute unit), t_min and t_max (s), each (n,).
 """
 
 from __future__ import annotations
@@ -21,6 +23,7 @@ from typing import Any
 
 import numpy as np
 
+from uplift.drivers.analysis.envelope_data import EnvelopeData
 from uplift.drivers.analysis.snapshots import SnapshotData
 from uplift.drivers.results.results import Results, Series
 from uplift.meshes.checked import ModelError
@@ -33,7 +36,7 @@ FORMAT, VERSION = "uplift results", 1
 
 NAME = "results.h5"
 
-HISTORIES = ("probes", "ground", "contacts", "reactions", "uplift", "energy")
+HISTORIES = ("probes", "ground", "contacts", "reactions", "forces", "cuts", "uplift", "energy")
 
 METRES = {"unit": "m"}
 
@@ -60,6 +63,8 @@ def write_results(path: Path, results: Results) -> None:
             _write_plate(file, results.plate, results.times)
         if results.spectra is not None:
             _write_spectra(file, results.spectra, results.spectra_names)
+        if results.envelopes is not None:
+            _write_envelopes(file, results.envelopes)
 
 
 PER_DATASET = 2**11
@@ -104,6 +109,15 @@ def _write_plate(file: Any, plate: SnapshotData, times: np.ndarray) -> None:
 def frame_name(k: int) -> str:
     """Return the path of a frame of the film within the file."""
     return f"film/{k:04d}"
+
+
+def _write_envelopes(file: Any, envelopes: EnvelopeData) -> None:
+    _write(file, "envelopes/places", envelopes.places, **METRES, about="Points of the cells at which section forces are best")
+    for column, (name, unit) in enumerate(zip(envelopes.names, envelopes.units, strict=True)):
+        parts = (("min", envelopes.least, unit), ("max", envelopes.largest, unit),
+                 ("t_min", envelopes.t_least, "s"), ("t_max", envelopes.t_largest, "s"))
+        for key, values, its_unit in parts:
+            _write(file, f"envelopes/{name}/{key}", values[:, column], unit=its_unit)
 
 
 def _write_spectra(file: Any, spectra: ResponseSpectrum, names: tuple[str, ...]) -> None:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from uplift.drivers.analysis.envelope_data import EnvelopeData
 from uplift.drivers.analysis.snapshots import SnapshotData
 from uplift.solvers.spectra import DAMPING, FREQUENCIES, ResponseSpectrum, response_spectrum
 
@@ -55,6 +56,8 @@ class Results:
     plate: SnapshotData | None = None
     spectra: ResponseSpectrum | None = None
     spectra_names: tuple[str, ...] = ()
+    envelopes: EnvelopeData | None = None
+    """Written, and not read again: the page does not show them."""
 
     @property
     def step(self) -> float:

@@ -147,6 +147,7 @@ class Output(Checked):
         "when the lifted share of the plate's area is recorded", default="instants", one_of=("instants", "all", "none")
     )
     uplift_group: GroupNames = quantity("group or groups of cells whose lifted share is recorded; empty: all of them", default="")
+    envelopes: bool = quantity("record least and largest section forces over time all over the plate", default=False)
 
     def check(self) -> None:
         """Refuse instants that cannot be."""

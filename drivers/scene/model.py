@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 from uplift.drivers.scene.mesh import one_point, places, point_of
 from uplift.drivers.scene.signals import read_signal
 from uplift.drivers.scene.toml_table import Table
 from uplift.forms.contact.supports import AXES, TRANSLATIONS, Spring, Support
-from uplift.forms.parameters import Condition, Force, GroundMotion, Mass, Part, PlateModel, Pressure, Probe
+from uplift.forms.parameters import Condition, Cut, Force, GroundMotion, Mass, Part, Plane, PlateModel, Pressure, Probe
+from uplift.forms.recovery.axes import Axes, Cylinder
 from uplift.forms.shells.material import Material
 from uplift.meshes.checked import Checked, ModelError, quantity
 from uplift.meshes.groups import GroupNames
@@ -27,7 +28,9 @@ class Gravity(Checked):
 
 def read_model(scene: Table, mesh: MeshSource, horizon: float, folder: Path, uplift_group: GroupNames) -> PlateModel:
     """Read all sections of the model; signals are tabulated up to `horizon` s, files looked for in `folder`."""
-    material = scene.section("plate", Material)
+    plate = Table(scene.take("plate", dict), "plate")
+    axes = _axes(plate)
+    material = plate.whole(Material)
     gravity, up = _gravity(scene)
     motions, forces, pressures = [], [], []
     for number, entry in enumerate(scene.entries("load"), start=1):
@@ -47,13 +50,15 @@ def read_model(scene: Table, mesh: MeshSource, horizon: float, folder: Path, upl
         probes=tuple(_probe(entry, mesh) for entry in scene.entries("probes")),
         gravity=gravity,
         motions=tuple(motions),
-        parts=tuple(_part(entry) for entry in scene.entries("parts")),
+        parts=tuple(_part(entry, material) for entry in scene.entries("parts")),
         conditions=tuple(_condition(entry) for entry in scene.entries("conditions")),
         masses=tuple(_mass(entry, mesh, folder) for entry in scene.entries("masses")),
         forces=tuple(forces),
         pressures=tuple(pressures),
         up=up,
         uplift_group=uplift_group,
+        axes=axes,
+        cuts=tuple(_cut(entry) for entry in scene.entries("cuts")),
     )
 
 
@@ -91,10 +96,39 @@ def _probe(table: Table, mesh: MeshSource) -> Probe:
     return probe
 
 
-def _part(table: Table) -> Part:
-    group = table.take("group", GroupNames)
-    part: Part = table.make(Part, group=group, material=table.whole(Material))
+def _part(table: Table, usual: Material) -> Part:
+    """Read a part; one that states axes may leave its material out, which then is that of the plate."""
+    group, axes = table.take("group", GroupNames), _axes(table)
+    own = axes is None or any(field.name in table.rest for field in fields(Material))
+    table.note(*(field.name for field in fields(Material)))
+    if not own:
+        table.finish()
+    part: Part = table.make(Part, group=group, material=table.whole(Material) if own else usual, axes=axes)
     return part
+
+
+def _cut(table: Table) -> Cut:
+    given, plane = table.take("plane", dict, default=None), None
+    if given is not None:
+        inner = Table(given, table.key("plane"))
+        plane = inner.whole(Plane, point=point_of(inner.take("point", list), inner.key("point")))
+    cut: Cut = table.whole(Cut, point=point_of(table.take("point", list), table.key("point")), plane=plane)
+    return cut
+
+
+def _axes(table: Table) -> Axes | None:
+    """Read `axes = { x = [..] }`, `{ edge = ".." }` or `{ cylinder = { point, axis } }`."""
+    given = table.take("axes", dict, default=None)
+    if given is None:
+        return None
+    axes = Table(given, table.key("axes"))
+    round_axis = axes.take("cylinder", dict, default=None)
+    cylinder = None
+    if round_axis is not None:
+        inner = Table(round_axis, axes.key("cylinder"))
+        cylinder = inner.whole(Cylinder, point=point_of(inner.take("point", list), inner.key("point")))
+    found: Axes = axes.whole(Axes, cylinder=cylinder)
+    return found
 
 
 def _condition(table: Table) -> Condition:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -92,9 +92,9 @@ def build_scene(table: dict[str, Any], folder: Path) -> Scene:
     run = scene.section("run", Run, optional=True) or Run()
     output = scene.section("output", Output, optional=True) or Output()
     horizon = max(transient.duration if transient else 0.0, fourier.length if fourier else 0.0)
-    model = read_model(scene, mesh, horizon, folder, output.uplift_group)
+    model = replace(read_model(scene, mesh, horizon, folder, output.uplift_group), envelopes=output.envelopes)
     scene.finish()
-    for key, group in (("supports", model.supports), ("springs", model.springs), ("probes", model.probes)):
+    for key, group in (("supports", model.supports), ("springs", model.springs), ("probes", model.probes), ("cuts", model.cuts)):
         names = [item.name for item in group]
         for name in names:
             if names.count(name) > 1:

@@ -11,7 +11,7 @@ from uplift.drivers.scene.mesh import COLUMNS, MOST_DOFS
 from uplift.drivers.scene.signals import SIGNALS, SignalKind
 from uplift.drivers.scene.toml_table import in_words
 from uplift.forms.contact.supports import AXES, Spring, Support
-from uplift.forms.parameters import Condition, Force, Mass, Pressure, Probe
+from uplift.forms.parameters import Condition, Cut, Force, Mass, Pressure, Probe
 from uplift.forms.shells.kinematics import Kinematics
 from uplift.forms.shells.material import Material
 from uplift.meshes.checked import range_in_words
@@ -105,6 +105,16 @@ PLACES = (
 )
 
 
+_AXES = Key(
+    "axes", "a table of x = [x, y, z], of edge = the name of a straight one, or of cylinder = { point, axis }",
+    "where axis 1 of the internal forces points: along x projected on the plate; along the edge; or so that axis 2 runs around the "
+    "cylinder; axis 2 = normal x axis 1. None: X projected on the plate, Y where that vanishes", default=None,
+)
+
+_PARTS = """A group of cells with a material, thickness or axes of its own. One that states axes may leave out all of the material, which
+then is that of the plate."""
+
+
 def _stiffness(name: str, doc: str) -> Key:
     return Key(name, _COMPONENTS, f"{doc}; 0 where not given", "N/m or N m/rad", range=">= 0")
 
@@ -157,9 +167,9 @@ def _mesh_sections() -> list[Section]:
 def _model_sections() -> list[Section]:
     return [
         Section("kinematics", "[kinematics]", "How the plate moves; without this section what the loads excite decides.", of(Kinematics)),
-        Section("plate", "[plate]", _doc(Material), of(Material)),
-        Section("parts", "[[parts]]", "A group of cells with a material or thickness of its own.",
-                (Key("group", GroupNames, "group or groups of cells of the mesh"), *of(Material)), listed=True),
+        Section("plate", "[plate]", _doc(Material), (*of(Material), _AXES)),
+        Section("parts", "[[parts]]", _PARTS,
+                (Key("group", GroupNames, "group or groups of cells of the mesh"), *of(Material), _AXES), listed=True),
         Section("gravity", "[gravity]", _doc(model.Gravity), of(model.Gravity)),
         Section("supports", "[[supports]]", _doc(Support), (
             *PLACES, *of(Support, *_PLACED, stiffness=_stiffness("stiffness", "support spring, from the ground to the auxiliary node"),
@@ -197,6 +207,11 @@ def _run_sections() -> list[Section]:
     return [
         Section("probes", "[[probes]]", _doc(Probe), of(
             Probe, point=Key("point", "a point [x, y], [x, y, z] or the name of one", "position, at a node or anywhere in the plate", "m"),
+        ), listed=True),
+        Section("cuts", "[[cuts]]", _doc(Cut), of(
+            Cut, point=Key("point", "a point [x, y] or [x, y, z]", "point that the moments are about", "m"),
+            plane=Key("plane", "a table of point = [x, y, z] and normal = [x, y, z]",
+                      "plane, instead of a group; cells whose middle lies where its normal does not point to are the side", "m", None),
         ), listed=True),
         Section("run", "[run]", _doc(analysis.Run), of(analysis.Run)),
         Section("transient", "[transient]", _doc(analysis.Transient), of(analysis.Transient)),

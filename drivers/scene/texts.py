@@ -16,7 +16,7 @@ LONGEST = 1000
 LONGEST_NAME = 100
 """Characters of a name, which stands in headings of tables and beside pictures."""
 
-NAMES = ("name", "group", "uplift_group", "edges")
+NAMES = ("name", "group", "uplift_group", "edges", "side", "part", "edge")
 """Keys whose texts are names."""
 
 

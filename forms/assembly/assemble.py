@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import dolfinx.fem
 import numpy as np
@@ -25,12 +26,29 @@ from uplift.forms.assembly.unrestrained import free_motions
 from uplift.forms.contact import joint_matrices
 from uplift.forms.contact.placement import place
 from uplift.forms.contact.supports import AXES, TRANSLATIONS
-from uplift.forms.operators import Contacts, LiftedArea, Operators, Outputs, elongation_group
+from uplift.forms.operators import Contacts, LiftedArea, Operators, OutputGroup, Outputs, elongation_group
 from uplift.forms.parameters import PlateModel, Probe
 from uplift.forms.shells.kinematics import up_of
 from uplift.meshes.checked import ModelError
 from uplift.meshes.compat import Mat, Space, Vec
 from uplift.meshes.tagged import TaggedMesh
+
+if TYPE_CHECKING:
+    from uplift.forms.recovery.force_field import ForceField
+
+
+@dataclass(frozen=True)
+class InternalForces:
+    """What a model knows of its internal forces; nothing where it does not ask for any."""
+
+    groups: tuple[OutputGroup, ...] = ()
+    """Outputs "forces" at probes, "cuts" and "cuts damping"."""
+    thickness: dict[str, float] = dataclasses.field(default_factory=dict)
+    """Probe -> thickness in m of the plate there."""
+    normals: dict[str, np.ndarray | None] = dataclasses.field(default_factory=dict)
+    """Cut -> unit normal (3,) out of its side, None for a line that closes."""
+    field: ForceField | None = None
+    """Section forces all over the plate, where their envelopes are asked for."""
 
 
 @dataclass
@@ -53,6 +71,7 @@ class AssembledPlate:
     """Rigid motions, in words, that nothing resists with all contacts closed."""
     model: PlateModel
     """The model with the points of whatever stands on a group of the mesh."""
+    forces: InternalForces
     labels: np.ndarray
     """(n_local, 5) names of the rows that do not depend on the number of ranks (see `uplift.forms.assembly.row_labels`)."""
     moments_about: np.ndarray
@@ -106,7 +125,8 @@ def assemble_plate(compiled: CompiledForms, model: PlateModel) -> AssembledPlate
     reactions = Reactions(compiled, model, placement, numbering).groups(by_group, matrices, on_held, center)
     for matrix in matrices:
         matrix.destroy()
-    groups = [probe_outputs(compiled, numbering, model), elongation_group(contacts), *reactions]
+    forces = _internal_forces(field, numbering, model)
+    groups = [probe_outputs(compiled, numbering, model), elongation_group(contacts), *reactions, *forces.groups]
     operators = Operators(
         stiffness=stiffness,
         mass=mass,
@@ -130,6 +150,7 @@ def assemble_plate(compiled: CompiledForms, model: PlateModel) -> AssembledPlate
         joint_mass=sum(support.mass * float(support.factors.sum()) for support in model.supports),
         unrestrained=free_motions(compiled, model, held),
         model=shifted(model, level),
+        forces=forces,
         labels=row_labels(compiled.space, numbering, placement.extra_nodes),
         moments_about=center + np.array([0.0, 0.0, level]),
         resultant_motions=lambda: rigid_rows(field, placement, numbering, center),
@@ -139,6 +160,26 @@ def assemble_plate(compiled: CompiledForms, model: PlateModel) -> AssembledPlate
 def _at_level(contacts: Contacts, level: float) -> Contacts:
     """Return the contacts with their points (n_c, 3) at the height of the plate in m."""
     return replace(contacts, points=contacts.points + np.array([0.0, 0.0, level])) if level else contacts
+
+
+def _internal_forces(field: FullSpace, numbering: Numbering, model: PlateModel) -> InternalForces:
+    """Return the outputs of internal forces that the model asks for (collective)."""
+    found = InternalForces()
+    if any(probe.forces for probe in model.probes):
+        from uplift.forms.recovery.probe_forces import probe_forces
+
+        group, thickness = probe_forces(field, numbering, model)
+        found = replace(found, groups=(group,), thickness=thickness)
+    if model.cuts:
+        from uplift.forms.recovery.cuts import cut_outputs
+
+        cuts = cut_outputs(field, numbering, model)
+        found = replace(found, groups=found.groups + cuts.groups, normals=cuts.normals)
+    if model.envelopes:
+        from uplift.forms.recovery.force_field import force_field
+
+        found = replace(found, field=force_field(field, numbering))
+    return found
 
 
 def _spelled_out(compiled: CompiledForms, model: PlateModel) -> PlateModel:

@@ -7,15 +7,27 @@ from dataclasses import replace
 from typing import Any
 
 from uplift.forms.contact.supports import PlacedPoint
-from uplift.forms.parameters import PlateModel
+from uplift.forms.parameters import Cut, PlateModel
+from uplift.forms.recovery.axes import Axes
 
 
 def _with_points(model: PlateModel, move: Callable[[PlacedPoint], PlacedPoint]) -> PlateModel:
     def moved(placed: Any) -> Any:
         return replace(placed, points=tuple(move(point) for point in placed.points))
 
+    def cut(cut: Cut) -> Cut:
+        plane = cut.plane and replace(cut.plane, point=move(cut.plane.point))
+        return replace(cut, point=move(cut.point), plane=plane)
+
+    def axes(axes: Axes | None) -> Axes | None:
+        if axes is None or axes.cylinder is None:
+            return axes
+        return replace(axes, cylinder=replace(axes.cylinder, point=move(axes.cylinder.point)))
+
     changed: dict[str, Any] = {name: tuple(moved(p) for p in getattr(model, name)) for name in ("supports", "springs", "masses", "forces")}
-    return replace(model, probes=tuple(replace(probe, point=move(probe.point)) for probe in model.probes), **changed)
+    changed["probes"] = tuple(replace(probe, point=move(probe.point)) for probe in model.probes)
+    changed["parts"] = tuple(replace(part, axes=axes(part.axes)) for part in model.parts)
+    return replace(model, cuts=tuple(cut(one) for one in model.cuts), axes=axes(model.axes), **changed)
 
 
 def in_plane(model: PlateModel, level: float) -> PlateModel:

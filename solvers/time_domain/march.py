@@ -97,6 +97,7 @@ def transient(
         observers.append(ledger)
     if watcher is not None:
         observers.append(FieldObserver(operators, every, watcher))
+    observers += more
     kept = KeptMarch(watch, operators.world, stepper, observers)
     reached = kept.read(start)
     if reached < 0:

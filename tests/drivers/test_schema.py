@@ -16,7 +16,8 @@ from uplift.meshes.checked import ModelError
 
 ROOT = Path(__file__).parents[2]
 
-INNER = {"grid": {"from", "to", "count"}, **dict.fromkeys(("stiffness", "contact", "force", "direction"), set(AXES))}
+INNER = {"grid": {"from", "to", "count"}, "axes": {"x", "edge", "cylinder"}, "cylinder": {"point", "axis"},
+         "plane": {"point", "normal"}, **dict.fromkeys(("stiffness", "contact", "force", "direction"), set(AXES))}
 """Tables inside a key, by their own name."""
 
 BASE = """
@@ -92,7 +93,14 @@ def tables():
     """Scenes that use every key between them."""
     rectangle = tomllib.loads(RECTANGLE)
     rectangle["mesh"]["dofs"] = 9
-    rectangle["probes"] = [{"name": "P", "point": [1.0, 1.0], "rotations": True}]
+    rectangle["probes"] = [{"name": "P", "point": [1.0, 1.0], "rotations": True, "forces": True, "part": "DAL1"}]
+    rectangle["plate"]["axes"] = {"x": [1.0, 0.0, 0.0]}
+    rectangle["parts"][0]["axes"] = {"edge": "DBAS"}
+    rectangle["parts"] += [{"group": "DAL1", "axes": {"cylinder": {"point": [0.0, 0.0], "axis": [0.0, 0.0, 1.0]}}}]
+    rectangle["cuts"] = [
+        {"name": "C", "group": "DBAS", "side": "DAL1", "point": [0.0, 0.0]},
+        {"name": "D", "plane": {"point": [1.0, 1.0], "normal": [1.0, 0.0, 0.0]}, "point": [0.0, 0.0]},
+    ]
     rectangle["conditions"] = [{"group": "DGAU", "zero": ["DZ"]}, {"group": "DDRO", "edge": "soft"}]
     rectangle["load"] = [
         {"kind": "ground", "direction": "Z", "signal": name, **keys} for name, keys in SIGNALS.items()
@@ -114,7 +122,7 @@ def tables():
     rectangle["modal"] = {"number": 3, "shift": -1.0, "diagonal": True, "static_correction": True}
     rectangle["harmonic"] = {"frequencies": [1, 2.0]}
     rectangle["basis"] = {"tolerance": 1e-4, "band": 20.0, "file": "basis.h5"}
-    rectangle["output"] = {"instants": [0.5], "uplift": "all", "uplift_group": "DAL1"}
+    rectangle["output"] = {"instants": [0.5], "uplift": "all", "uplift_group": "DAL1", "envelopes": True}
     panels = tomllib.loads(BASE)
     panels["mesh"] = {
         "size": 1.0, "cell": "triangle", "degree": 2, "points": {"TOP": [1.0, 1.0, 0.0]},

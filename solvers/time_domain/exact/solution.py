@@ -38,6 +38,8 @@ class ExactHistory:
     """(nt, n_c) m."""
     displacement: np.ndarray
     """(nt, n_dofs)."""
+    velocity: np.ndarray
+    """(nt, n_dofs), from the side of later times; with polynomial contact forces it lacks what `by_collocation` says."""
     events: list[Event] | None
     """In the order of time; None where contact forces are polynomials in time."""
     peak_values: np.ndarray | None
@@ -130,9 +132,9 @@ def from_events(
     held = archive.peaks
     if held is not None:
         held.finish()
-    outputs, accelerations, force, release, gap, displacement = _histories(observed, archive.states)
+    outputs, accelerations, force, release, gap, displacement, velocity = _histories(observed, archive.states)
     return ExactHistory(
-        instants, outputs, accelerations, force, release, gap, displacement,
+        instants, outputs, accelerations, force, release, gap, displacement, velocity,
         events=march.events,
         peak_values=held.value if held is not None else None,
         peak_times=held.time if held is not None else None,
@@ -147,8 +149,8 @@ def by_collocation(
 ) -> ExactHistory:
     """Return the motion with contact forces of degree `order` in steps of at most `step` s (see `solve`; seven parameters therefore).
 
-    Accelerations lack what loads and contact forces add to massless dofs at once. Raises `SolverError` if contacts are too stiff for
-    the step.
+    Velocities and accelerations lack what loads and contact forces add to massless dofs at once. Raises `SolverError` if contacts are
+    too stiff for the step.
     """
     march = Collocation(system, loads, order, step)
     states, release = march.run(system.state(start.displacement, start.velocity))
@@ -163,7 +165,7 @@ def by_collocation(
         outputs += rate @ (model.output_velocity @ system.T).T
     acceleration = rate @ (model.outputs @ system.T @ system.A).T
     return ExactHistory(
-        instants, outputs, acceleration, release - tension, release, release * model.law.flexibility, displacement,
+        instants, outputs, acceleration, release - tension, release, release * model.law.flexibility, displacement, rate @ system.T.T,
         events=None, peak_values=None, peak_times=None, ledger=None, reason="", error=float("nan"),
     )
 
@@ -189,7 +191,7 @@ class _Archive:
 
 
 def _histories(observed: Observed, states: list[tuple[ContactSet, np.ndarray]]) -> list[np.ndarray]:
-    """Return outputs, accelerations, contact forces, release forces, gaps and displacements, set by set."""
+    """Return outputs, accelerations, contact forces, release forces, gaps, displacements and velocities, set by set."""
     n_o, n_c = observed.n_outputs, observed.n_contacts
     kept: dict[bytes, list[int]] = {}
     for row, (regime, _) in enumerate(states):
@@ -199,7 +201,8 @@ def _histories(observed: Observed, states: list[tuple[ContactSet, np.ndarray]]) 
         regime = states[rows[0]][0]
         seen, displacement = observed.rows(regime), observed.displacement(regime)
         acceleration = seen[:n_o] @ regime.generator @ regime.generator
-        parts = (seen[:n_o], acceleration, seen[n_o : n_o + n_c], regime.release, seen[n_o + n_c :], displacement)
+        velocity = displacement @ regime.generator
+        parts = (seen[:n_o], acceleration, seen[n_o : n_o + n_c], regime.release, seen[n_o + n_c :], displacement, velocity)
         if not found:
             found = [np.empty((len(states), len(part))) for part in parts]
         whole = np.stack([states[row][1] for row in rows])

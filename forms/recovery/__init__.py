@@ -1,0 +1,1 @@
+"""Internal forces: what is in the plate, as linear functionals of its displacements."""
