@@ -54,6 +54,7 @@ def test_at_rest_nothing_acts_across_a_gap(method, stiffness, preload):
     assert history.openings(law)[0] == pytest.approx([0.05, 0.05], rel=1e-12)
 
 
+@pytest.mark.ranks
 @pytest.mark.both
 def test_the_static_state_across_a_gap():
     history, law = run("static", springs=held_by(1e3))

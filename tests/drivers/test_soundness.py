@@ -15,8 +15,6 @@ from uplift.drivers.scene.request import Request
 from uplift.drivers.scene.scene import build_scene
 from uplift.solvers.time_domain.state import Instants
 
-pytestmark = pytest.mark.serial
-
 PLATE = {"young": 1e9, "poisson": 0.0, "density": 1000.0, "thickness": 1.0}
 
 

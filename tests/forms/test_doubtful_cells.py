@@ -8,8 +8,6 @@ from mpi4py import MPI
 from uplift.drivers.analysis.assembled_scene import prepare
 from uplift.drivers.scene.scene import build_scene
 
-pytestmark = pytest.mark.serial
-
 
 
 def two_cells(folder, first, second):

@@ -40,6 +40,7 @@ def at_rest(assembly):
     return kept
 
 
+@pytest.mark.ranks
 @pytest.mark.both
 def test_a_clamped_edge_carries_the_weight():
     """2 x 3 x 0.5 m of 2000 kg/m3 at 10 m/s2, a mass of 50 kg on a held corner and one of 100 kg at the top right corner."""
@@ -53,6 +54,7 @@ def test_a_clamped_edge_carries_the_weight():
     assert found == pytest.approx(expected, rel=1e-9, abs=1e-6)
 
 
+@pytest.mark.ranks
 @pytest.mark.both
 def test_the_resultants_of_groups_add_up():
     """A plate that hangs on its left edge and stands on a contact at the right: by symmetry of nothing, sum and moments still balance."""
@@ -100,6 +102,7 @@ def shaken_by_hand(steps, dt, acceleration):
     return np.array(found)
 
 
+@pytest.mark.ranks
 def test_a_clamped_edge_that_shakes():
     load = {"direction": "X", "signal": "step", "amplitude": 2.0}
     with scene(conditions=[{"group": "DBAS", "edge": "clamped"}], load=[load]) as made:
