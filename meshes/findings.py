@@ -71,6 +71,17 @@ KINDS = {
         "grave", "Displacements or rotations are beyond those that the theory of small displacements describes.",
         "see what holds the plate; another theory",
     ),
+    "units": Kind("doubt", "A density, modulus or acceleration of free fall is that of no structure.", "SI units"),
+    "soft contact": Kind(
+        "doubt", "A contact is softer than the support below it.", "a contact of 1e4 to 1e10 times the support's stiffness"
+    ),
+    "rocking": Kind("note", "The ground turns about a point that the scene does not name.", "`center_of_rotation`"),
+    "instants": Kind("doubt", "Instants of [output] lie beyond the end or between archived ones.", "another duration or `every`"),
+    "crowded supports": Kind(
+        "doubt", "Several supports or springs along one axis stand on one node, or a hair apart: their stiffnesses add.",
+        "see whether that is meant",
+    ),
+    "thin archive": Kind("doubt", "Largest displacements between archived instants may be more than 1 % larger.", "a smaller `every`"),
     "parts": Kind("doubt", "Parts with a material of their own share cells.", "groups that do not overlap"),
     "normals": Kind("doubt", "A pressure acts on neighbouring cells whose normals point to opposite sides.", "turn cells in the mesher"),
     "unsettled": Kind("doubt", "The settling steps end away from the state of rest.", "more settling steps, or `start = 'static'`"),

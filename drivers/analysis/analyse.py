@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from uplift.drivers.analysis.assembled_scene import Analysis, AssembledScene
+from uplift.drivers.analysis.crowded_supports import say_crowded_supports
 from uplift.drivers.analysis.modal import run_modal
 from uplift.drivers.analysis.small_displacements import say_large_displacements
 from uplift.drivers.analysis.snapshots import Snapshots
@@ -54,6 +55,7 @@ def analyse(
         analysis = (run_modal if request.method == "modal" else run_static)(task)
     if snapshots is not None and analysis.passes.ended == "diverged":
         snapshots.start(0)  # what ran away is not what the history holds
+    say_crowded_supports(assembly)
     if not analysis.failed:
         say_large_displacements(assembly, analysis)
     return analysis

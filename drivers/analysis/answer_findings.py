@@ -23,6 +23,9 @@ LOST = 0.02
 AT_REST = 1e-9
 """Part of the stored energy: changes of less are round-off of a state of rest."""
 
+PEAK_LOST = 0.01
+"""Of the largest displacement of a probe, that may lie between archived instants without a word."""
+
 TENSION_LEFT = 1e-3
 """Of the largest compression."""
 
@@ -33,6 +36,9 @@ def answer_findings(assembly: AssembledScene, analysis: Analysis) -> list[Findin
     found = [] if analysis.exact else list(of_passes(analysis.passes))
     moving = np.array([".DR" not in name for name in assembly.operators.probes.names], dtype=bool)
     found += at_the_end(farthest(history.probes, moving))
+    settings = assembly.scene.transient
+    if settings is not None and settings.every > 1 and analysis.method in ("transient", "modal", "time-frequency"):
+        found += between_instants(history.probes[:, moving], settings.every)
     if analysis.exact and contacts.names:
         found += in_flight(history.times, history.openings(contacts.law))
     if history.ledger is not None and analysis.passes.ended != "diverged":
@@ -67,6 +73,20 @@ def at_the_end(size: np.ndarray) -> Iterator[Finding]:
     if len(size) > ENOUGH_INSTANTS and np.argmax(size) >= NEAR_THE_END * (len(size) - 1) and size[-1] > 0:
         yield finding("farthest at the end", "a probe is farthest from zero at the end of the run: the motion may grow beyond it; take a "
                       "longer duration")
+
+
+def between_instants(probes: np.ndarray, every: int) -> Iterator[Finding]:
+    """Say where peaks of the probes (nt, n) may lie between archived instants: on the parabola through three of them, beyond the middle."""
+    if len(probes) < 3:
+        return
+    slope, bend = 0.5 * (probes[2:] - probes[:-2]), probes[2:] - 2 * probes[1:-1] + probes[:-2]
+    turns = np.abs(slope) <= 0.5 * np.abs(bend)
+    beyond = np.where(turns, 0.5 * slope**2 / np.where(bend != 0, np.abs(bend), 1.0), 0.0)
+    largest = np.max(np.abs(probes), axis=0)
+    lost = np.max(np.abs(probes[1:-1]) + beyond, axis=0, initial=0.0) - largest
+    share = float(np.max(np.divide(lost, largest, out=np.zeros_like(lost), where=largest > 0), initial=0.0))
+    if share > PEAK_LOST:
+        yield finding("thin archive", f"every {every} steps are archived, and a largest displacement between may be {share:.1%} larger")
 
 
 def in_flight(times: np.ndarray, gap: np.ndarray) -> Iterator[Finding]:

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from uplift.drivers.scene.doubtful_values import doubtful_values
 from uplift.drivers.scene.scene import Scene
 from uplift.forms.loads.signals import Signal, Table
 from uplift.forms.parameters import Force, Pressure
@@ -43,6 +44,7 @@ def scene_cautions(scene: Scene, method: str = "") -> list[Finding]:
     if lifting and not pressed:
         found.append("nothing presses the plate on its supports: without [gravity] or a preload the contacts carry no force at rest")
     findings = [finding("scene", words) for words in found]
+    findings += doubtful_values(scene)
     for name, signal in signals if in_time else []:
         findings += [replace(found, text=f"{name}: {found.text}") for found in _of_signal(scene, signal)]
     return findings

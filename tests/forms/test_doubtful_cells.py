@@ -9,7 +9,6 @@ from uplift.drivers.analysis.assembled_scene import prepare
 from uplift.drivers.scene.scene import build_scene
 
 
-
 def two_cells(folder, first, second):
     """A mesh of two cells; group BOTH."""
     nodes = [f"{k + 1} {k % 3} {k // 3} 0" for k in range(6)]
