@@ -60,7 +60,10 @@ def lowest_modes(K, M, number):
 
 
 def newmark(k, c, forces, step, beta, gamma, q, v):
-    """Motions (nt, m) of single oscillators of unit mass; the first row of `forces` (nt, m) acts at the start."""
+    """Motions (nt, m) of single oscillators of unit mass; the first row of `forces` (nt, m) acts at the start.
+
+    Many parameters because each is a number of the scheme, of the oscillators or of their start.
+    """
     a = forces[0] - c * v - k * q
     motion, rates = [q], [v]
     for force in forces[1:]:

@@ -21,7 +21,6 @@ LARGE = {
     "forms/shells/shell.py: shear, parameters": 8,
     "forms/shells/shell.py: drilling, parameters": 8,
     "solvers/bases/modes.py": 355,
-    "solvers/frequency_domain/laplace.py: laplace_run, parameters": 7,
     "solvers/frequency_domain/sweep.py: sweep, parameters": 8,
     "solvers/frequency_domain/sweep.py: _point_solver, parameters": 7,
     "solvers/time_domain/exact/solution.py: from_events, parameters": 8,

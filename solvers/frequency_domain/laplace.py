@@ -98,7 +98,8 @@ def laplace_run(
     Every `every`-th step is archived. Without `exact_uplift` every contact stays bonded. `start` must be the static answer
     to the static loads, or with `at_zero` the plate at zero, its joints in equilibrium and all other loads set upon it at time 0; its
     velocity is taken as zero. `how` holds further arguments of
-    the sweep, such as `groups` and `watch`. Many parameters because a march needs all of them.
+    the sweep, such as `groups` and `watch`.
+    Many parameters because a march needs all of them.
     """
     circle = Circle(scheme, step, steps)
     symbol = circle.symbol
