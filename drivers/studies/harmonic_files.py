@@ -43,15 +43,24 @@ def respond(assembly: AssembledScene, folder: Path, *, plots: bool) -> list[str]
                 draw(draw_response, staging / "response.png", settings.points, tuple(names), values, title)
             write_summary(staging / "summary.json", {
                 "title": assembly.scene.title, "method": "harmonic", "scene": assembly.scene.source, "dofs": operators.n,
-                "frequencies": len(settings.points), "loads": loads, "ranks": operators.comm.size,
+                "frequencies": len(settings.points), "loads": loads, "answers_are": {load: _per(load) for load in loads},
+                "ranks": operators.comm.size,
                 "peaks": {n: _peak(settings.points, v) for n, v in zip(names, np.abs(values).T, strict=True)},
                 "findings": [asdict(finding) for finding in heard_findings()], "seconds": assembly.clock.seconds, "versions": versions(),
             })
-    lines = [f"{'load and probe':<40}{'largest modulus':>18}{'at f [Hz]':>14}"]
+    lines = [f"answers to {name} are {_per(name)}" for name in dict.fromkeys(loads)]
+    lines += [f"{'load and probe':<40}{'largest modulus':>18}{'at f [Hz]':>14}"]
     for name, column in zip(names, np.abs(values).T, strict=True):
         peak = _peak(settings.points, column)
         lines.append(f"{name:<40}{peak['modulus']:>18.9e}{peak['frequency_Hz']:>14.6g}")
     return lines
+
+
+def _per(load: str) -> str:
+    """Return in words what amplitude of a load its answers are for."""
+    if load == "ground motion":
+        return "per m/s2 of its acceleration (per rad/s2 about an axis)"
+    return "for the forces in N (N m, Pa) that the scene gives it, its signal 1: of 1 N they are per N"
 
 
 def _rows(transfer: Transfer, name: str) -> dict[str, tuple[str, np.ndarray]]:
