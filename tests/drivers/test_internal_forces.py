@@ -213,7 +213,7 @@ def test_a_scene_that_asks_for_no_forces_has_no_rows_for_them(comm):
     del table["cuts"]
     table["probes"][0]["forces"] = False
     with prepare(build_scene(table, Path(".")), comm) as assembly:
-        assert [group.name for group in assembly.operators.outputs.groups] == ["probes", "elongation", "reactions"]
+        assert [group.name for group in assembly.operators.outputs.groups] == ["probes", "elongation", "reactions", "reactions by group"]
         assert assembly.operators.outputs.per_velocity is None
 
 
