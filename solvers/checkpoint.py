@@ -120,7 +120,7 @@ class Checkpoint:
         except OSError as error:
             raise ModelError("--checkpoint", f"cannot write into {self.folder}: {error.strerror}") from None
         there = self._own()
-        if self.resume and not there:
+        if self.resume and not any(self.folder.glob("*.h5")):  # a damaged one is named when it is read
             say("checkpoint", f"no checkpoint in {self.folder}: the run begins at its beginning")
         if there and not self.resume:
             say("checkpoint", f"{self.folder} holds checkpoints of an earlier run, which this one replaces; --resume would go on from them")

@@ -29,9 +29,11 @@ def read_history(path):
 def test_run_writes_its_files(tmp_path, method, passes):
     out = tmp_path / "résultats d'essai"
     done = child("run", SCENE, "--method", method, *passes, "--out", out, "--quiet")
-    assert (done.returncode, done.stderr, done.stdout) == (0, "", "")
+    said = done.stderr.splitlines()
+    assert (done.returncode, done.stdout) == (0, "")
+    assert [line.startswith("doubt: uplift is by 2 published pass(es)") for line in said] == [True] * bool(passes)
     window = method == "time-frequency" and bool(passes)
-    more = ["energy.csv", "energy.png"] if method == "transient" else ["amplitude.vtu"] if window else []
+    more = ["energy.csv", "energy.png"] if method in ("transient", "modal") else ["amplitude.vtu"] if window else []
     assert sorted(p.name for p in out.iterdir()) == sorted([*FILES, *more])
     header, values = read_history(out / "history.csv")
     assert header == ["t", "P3.DX", "P3.DY", *([] if window else ["uplift [%]"])]
@@ -181,6 +183,6 @@ def test_a_static_run_prints_its_only_instant_whatever_instants_the_scene_lists(
     done = drivers("run", SCENES / "raft.toml", "--method", "static", "--no-plots", "--out", tmp_path / "out")
     assert done.returncode == 0, done.stderr
     heading, values = (next(line.split() for line in done.stdout.splitlines() if line.lstrip().startswith(w)) for w in ("pass", "exact"))
-    assert heading[3:] == ["CORNER.DZ", "[m]", "MIDDLE.DZ", "[m]", "MIDDLE.DRX", "[rad]", "MIDDLE.DRY", "[rad]", "uplift", "[%]"]
+    assert heading[3:] == ["CORNER.DZ", "[m]", "MIDDLE.DZ", "[m]", "MIDDLE.DRX", "[rad]", "MIDDLE.DRY", "[rad]", "lifted", "area", "[%]"]
     # A raft that is nearly rigid sinks by its weight over the sum of its springs.
     assert float(values[1]) == 0 and float(values[2]) == pytest.approx(-9.81 * 2500 * 100 / (121 * 2e7), rel=0.15)

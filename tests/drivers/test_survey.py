@@ -155,7 +155,7 @@ def test_disagreement_fails_the_survey(tmp_path, monkeypatch, comm, capsys, diff
 
     def outcome(scene, comm, case):
         part = difference if case.name == "gap 5 mm" else 1e-3 if not case.claimed else 1e-10
-        changed = replace(history, probes=history.probes * (1 + 1e-3 * len(case.changes)))
+        changed = replace(history, outputs=history.outputs * (1 + 1e-3 * len(case.changes)))
         return survey_runs.Outcome(case, changed, part, 1, survey_runs.PassesInTime(passes, 0.0), passes)
 
     monkeypatch.setattr(survey, "run_case", outcome)
@@ -163,7 +163,7 @@ def test_disagreement_fails_the_survey(tmp_path, monkeypatch, comm, capsys, diff
     levels = iter(range(1, 6))
 
     def level(scene, comm, laplace):
-        return survey_runs.Level(scene.transient.step, replace(history, probes=history.probes + 0.5 ** next(levels)), None, 0.0)
+        return survey_runs.Level(scene.transient.step, replace(history, outputs=history.outputs + 0.5 ** next(levels)), None, 0.0)
 
     monkeypatch.setattr(survey, "run_level", level)
     out = tmp_path / "page.md"
