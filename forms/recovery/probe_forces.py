@@ -53,6 +53,7 @@ def _rows_of(probe: Probe, patch: Patch, sections: SectionForces, axes: AxesOfPa
     """Return the section forces at a probe, (n_components, n_local) (collective)."""
     point, compiled, comm = np.asarray(probe.point), sections.compiled, numbering.comm
     directions = axes.of(patch.part)
+    directions.at(point, patch.normal)  # refuses a point without axes, around which its neighbours have some
     mine = np.flatnonzero(patch.rank == comm.rank)
     cells = patch.cell[mine]
     positions, normals = sections.positions(cells), sections.normals(cells)
