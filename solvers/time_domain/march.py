@@ -79,9 +79,10 @@ def transient(
     Every `every`-th step is archived. `release` (n_archived, n_channels) N are release forces known at the archived instants
     and interpolated linearly between them; without them uplift is exact, or left out, as the stepper was made. `energy`
     keeps the ledger of energies, at three products of a matrix and a vector a step, unless auxiliary nodes have masses that count,
-    whose energy it does not know. `watcher` is shown the archived displacements, `more` observers every
-    instant. `watch` shows the progress and keeps checkpoints, from
-    which the same march goes on to the same bits on as many ranks. Many parameters because all but the first three may be left out.
+    whose energy it does not know. `watcher` is shown the archived displacements, `more` observers every instant. `watch` shows the
+    progress and keeps checkpoints, from which the same march goes on to the same bits on as many ranks.
+
+    Many parameters because all but the first three may be left out.
     """
     operators = stepper.operators
     times = stepper.step * np.arange(steps + 1)
