@@ -15,6 +15,7 @@ from uplift.drivers.report.files import write_run
 from uplift.drivers.results.hdf5 import read_results
 from uplift.drivers.scene.request import Request
 from uplift.drivers.scene.scene import build_scene
+from uplift.drivers.studies.comparison import compare
 from uplift.drivers.studies.harmonic_files import respond
 from uplift.meshes.checked import ModelError
 
@@ -100,7 +101,11 @@ def test_forces_and_cuts_are_written_with_their_units(comm, tmp_path):
         assert units == {"forces/moment": "N m/m", "forces/stress": "Pa", "forces/shear": "N/m", "forces/angle": "rad", "cuts/force": "N"}
         names = list(file["forces/moment"].attrs["names"])
         assert file["forces/moment"][17, names.index("MID.M11")] == float(row["MID.M11 [N m/m]"])
-    assert "cuts/damping moment" in read_results(tmp_path).series
+    read = read_results(tmp_path)
+    assert "cuts/damping moment" in read.series
+    pairs = {(pair.path, pair.name): pair for pair in compare(read, read, ("A", "B")).pairs}
+    assert pairs["forces/moment", "MID.M11"].largest == 0.0 and ("cuts/force", "HALF.V") in pairs
+    assert not any(path == "forces/angle" for path, _ in pairs)  # a direction jumps by half a turn
 
 
 @pytest.mark.parametrize("method", ["static", "transient", "modal"])

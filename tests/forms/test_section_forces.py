@@ -13,7 +13,7 @@ from uplift.drivers.results.internal_forces import columns_of
 from uplift.drivers.scene.request import Request
 from uplift.drivers.scene.scene import build_scene
 from uplift.forms.recovery.fit import weights_at
-from uplift.forms.recovery.stresses import derived, principal
+from uplift.forms.recovery.stresses import derived, principal, wood_armer
 from uplift.meshes.checked import ModelError
 
 POISSON, THICKNESS = 0.3, 0.1
@@ -250,6 +250,34 @@ def test_weights_give_back_polynomials_and_know_no_curvature_across_two_rows():
     rows = np.array([(x, y) for x in range(4) for y in (-1.0, 1.0)])
     weights = weights_at(rows - [1.0, 0.0], 2, in_each=True)
     assert weights @ (rows[:, 0] ** 2 + 3 * rows[:, 1]) == pytest.approx(1.0)
+
+
+def test_moments_of_reinforcement_by_hand():
+    """Twist alone needs the same in all four layers, a moment along axis 1 alone one; else M12^2 / M of the idle direction is added."""
+    names = ("WA1.top", "WA2.top", "WA1.bottom", "WA2.bottom")
+
+    def found(*moment):
+        return [float(wood_armer(np.array(moment))[name]) for name in names]
+
+    assert found(0.0, 0.0, -5.0) == pytest.approx([5.0, 5.0, -5.0, -5.0])
+    assert found(7.0, 0.0, 0.0) == pytest.approx([7.0, 0.0, 0.0, 0.0])
+    assert found(6.0, -3.0, 1.0) == pytest.approx([6.0 + 1.0 / 3.0, 0.0, 0.0, -3.0 - 1.0 / 6.0])
+    assert found(-4.0, -4.0, 1.0) == pytest.approx([0.0, 0.0, -5.0, -5.0])
+
+
+def test_reinforcement_resists_the_moment_in_every_direction_and_no_more():
+    """Johansen: m1 cos2 + m2 sin2 >= M_n at every angle at the top, <= at the bottom, and equal at some angle where bars are needed."""
+    moments = np.random.default_rng(5).normal(size=(200, 3))
+    angle = np.linspace(0.0, np.pi, 3601)[:, None]
+    c, s = np.cos(angle), np.sin(angle)
+    acting = moments[:, 0] * c**2 + moments[:, 1] * s**2 + 2 * moments[:, 2] * s * c
+    design = wood_armer(moments)
+    spare_top = design["WA1.top"] * c**2 + design["WA2.top"] * s**2 - acting
+    spare_bottom = acting - design["WA1.bottom"] * c**2 - design["WA2.bottom"] * s**2
+    for spare, bars in ((spare_top, design["WA1.top"] + design["WA2.top"]), (spare_bottom, design["WA1.bottom"] + design["WA2.bottom"])):
+        assert np.min(spare) > -1e-12
+        # Angles of half a twentieth of a degree: a minimum is met to the square of that.
+        assert np.max(np.min(spare, axis=0)[np.abs(bars) > 0]) < 1e-5
 
 
 def test_principal_values_and_their_direction():
