@@ -7,6 +7,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from mpi4py import MPI
 
 from tests.drivers.test_internal_forces import SLAB
 from uplift.drivers.analysis.analyse import analyse
@@ -18,6 +19,7 @@ from uplift.drivers.report.files import write_run
 from uplift.drivers.scene.request import Request
 from uplift.drivers.scene.scene import build_scene
 from uplift.solvers.bases.project import project
+from uplift.solvers.time_domain.initial import static_state
 from uplift.solvers.time_domain.state import Instants
 
 
@@ -89,13 +91,14 @@ def test_envelopes_of_the_sweep_are_those_of_the_march(comm):
     assert swept.least == pytest.approx(exact.least, abs=1e-7 * np.max(np.abs(exact.least)))
 
 
+@pytest.mark.ranks
 @pytest.mark.parametrize("reduced", [False, True])
 def test_envelopes_go_on_from_what_a_checkpoint_keeps(comm, reduced):
     with prepare(slab(output={"envelopes": True}), comm) as assembly:
         operators = assembly.operators
         with project(operators, basis_of(assembly, 1e-6, None)[0]) if reduced else nullcontext(operators) as model:
             field, times = assembly.plate.forces.field, np.arange(3.0)
-            rng = np.random.default_rng(1)
+            rng = np.random.default_rng(1 if reduced else comm.rank)
             states = rng.normal(size=(3, model.n_local))
 
             def shown(envelopes, rows):
@@ -109,5 +112,24 @@ def test_envelopes_go_on_from_what_a_checkpoint_keeps(comm, reduced):
             resumed = Envelopes(field, model, times, 1)
             resumed.restore(begun.kept())
             again = shown(resumed, [2]).finished()
+    if comm.rank:
+        return
     for name in ("least", "largest", "t_least", "t_largest"):
         assert np.array_equal(getattr(whole, name), getattr(again, name))
+
+
+@pytest.mark.ranks
+def test_envelopes_go_on_on_another_number_of_ranks(comm):
+    """What all ranks keep, one rank goes on with."""
+    kept = []
+    for world in (comm, MPI.COMM_SELF):
+        with prepare(slab(output={"envelopes": True}), world) as assembly, static_state(assembly.operators) as state:
+            begun = Envelopes(assembly.plate.forces.field, assembly.operators, np.arange(2.0), 1)
+            begun.take(1, np.real(state.displacement.array_r))
+            kept.append(begun.kept())
+            resumed = Envelopes(assembly.plate.forces.field, assembly.operators, np.arange(2.0), 1)
+            resumed.restore(kept[0])
+            found = resumed.finished()
+    assert found is not None and np.all(found.t_largest == 1.0)
+    size = np.max(np.abs(kept[1].same["extremes"][:2]))
+    assert kept[0].same["extremes"] == pytest.approx(kept[1].same["extremes"], abs=1e-11 * size)
