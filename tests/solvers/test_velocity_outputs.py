@@ -19,7 +19,6 @@ from uplift.solvers.time_domain.march import stepper_of, transient
 from uplift.solvers.time_domain.scheme import Scheme, generalised_alpha, hilber_hughes_taylor
 from uplift.solvers.time_domain.state import at_rest
 
-pytestmark = pytest.mark.serial
 SCHEMES = [Scheme(), Scheme(0.3025, 0.6), hilber_hughes_taylor(0.2), generalised_alpha(0.4)]
 WEIGHTS = np.array([[2.0, -1.0], [0.5, 3.0]])
 STEP, STEPS = 0.02, 400
