@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -52,6 +52,7 @@ class Envelopes:
         n = field.rows.shape[0]
         self._least, self._largest = np.full(n, np.inf), np.full(n, -np.inf)
         self._when = np.zeros((2, n), dtype=int)
+        self._place, self._places = _numbered(field.places, operators.world)
         self._coordinates = np.zeros((len(times), operators.n_local if operators.reduction is not None else 0))
 
     def observe(self, instants: Instants) -> None:
@@ -83,12 +84,12 @@ class Envelopes:
             self._from_coordinates(self._operators.reduction.vectors)
         n = len(field.places)
         arrays = (self._least, self._largest, self._times[self._when[0]], self._times[self._when[1]])
-        parts = comm.gather((field.places, *(array.reshape(n, -1) for array in arrays)))
+        parts = comm.gather((self._place, *(array.reshape(n, -1) for array in arrays)))
         if parts is None:
             return None
-        places, least, largest, t_least, t_largest = (np.concatenate(whole) for whole in zip(*parts, strict=True))
-        order = np.lexsort(np.round(places / max(float(np.ptp(places, axis=0).max()), np.finfo(float).tiny), 9).T)
-        return EnvelopeData(places[order], field.names, field.units, least[order], largest[order], t_least[order], t_largest[order])
+        number, *whole = (np.concatenate(part) for part in zip(*parts, strict=True))
+        order = np.argsort(number)
+        return EnvelopeData(self._places, field.names, field.units, *(part[order] for part in whole))
 
     def _from_coordinates(self, vectors: np.ndarray) -> None:
         """Multiply components x vectors x instants, block by block."""
@@ -103,14 +104,26 @@ class Envelopes:
         """Return what a checkpoint has to keep."""
         if self._operators.reduction is not None:
             return Kept({"coordinates": self._coordinates})
-        whole = self._operators.world.allgather(np.stack([self._least, self._largest, *self._when.astype(float)]))
-        return Kept({"extremes": np.concatenate(whole, axis=1), "sizes": np.array([part.shape[1] for part in whole])})
+        own = np.stack([self._least, self._largest, *self._when.astype(float)]).reshape(4, len(self._place), -1)
+        parts = self._operators.world.allgather((self._place, own))
+        order = np.argsort(np.concatenate([number for number, _ in parts]))
+        return Kept({"extremes": np.concatenate([values for _, values in parts], axis=1)[:, order]})
 
     def restore(self, kept: Kept) -> None:
-        """Take in again what `kept` gave, on as many ranks."""
+        """Take in again what `kept` gave, on any number of ranks."""
         if self._operators.reduction is not None:
             self._coordinates[:] = kept.same["coordinates"]
             return
-        ends, rank = np.cumsum(kept.same["sizes"]), self._operators.world.rank
-        mine = kept.same["extremes"][:, ends[rank] - kept.same["sizes"][rank] : ends[rank]]
+        mine = kept.same["extremes"][:, self._place].reshape(4, -1)
         self._least[:], self._largest[:], self._when[:] = mine[0], mine[1], mine[2:].astype(int)
+
+
+def _numbered(places: np.ndarray, comm: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Return the numbers (n,) of this rank's places (n, 3) m in the order of the coordinates of all, and all in that order (collective)."""
+    parts = comm.allgather(places)
+    whole = np.concatenate(parts)
+    order = np.lexsort(np.round(whole / max(float(np.ptp(whole, axis=0).max()), np.finfo(float).tiny), 9).T)
+    number = np.empty(len(whole), dtype=int)
+    number[order] = np.arange(len(whole))
+    first = sum(len(part) for part in parts[: comm.rank])
+    return number[first : first + len(places)], whole[order]

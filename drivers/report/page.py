@@ -164,6 +164,8 @@ def _extremes(results: Results) -> str:
         "probes/displacement": "Displacements", "probes/rotation": "Rotations", "floor": "Absolute accelerations",
         "contacts/force": "Contact forces", "contacts/gap": "Gaps", "uplift/area": "Lifted area", "uplift/contacts": "Open contacts",
         "reactions/force": "Forces of the ground", "reactions/moment": "Moments of the ground", "energy/ledger": "Energies",
+        "forces/membrane": "Membrane forces", "forces/moment": "Moments", "forces/shear": "Shear forces", "forces/stress": "Stresses",
+        "cuts/force": "Forces of cuts", "cuts/moment": "Moments of cuts",
     }
     tables = {path: (part.names, part.values, part.unit) for path, part in results.series.items()}
     if "probes/acceleration" in results.series:

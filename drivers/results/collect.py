@@ -110,16 +110,21 @@ def _contacts(assembly: AssembledScene, analysis: Analysis) -> dict[str, Series]
     tension = contacts.law.tension(history.elongation)
     force, gap = contacts.law.compression(tension, history.release), history.openings(contacts.law)
     lifted = gap > 0
-    series = {
+    series: dict[str, Series] = {
         "contacts/force": Series(contacts.names, "N", force, "Contact forces, compression positive"),
         "contacts/gap": Series(contacts.names, "m", gap, "Openings of the contacts, 0 where closed"),
         "uplift/contacts": Series(("open contacts",), "%", 100.0 * lifted.mean(axis=1, keepdims=True), "Share of the open contacts"),
     }
     groups, first = {}, 0
-    for support in assembly.plate.model.supports:
+    for support, stated in zip(assembly.plate.model.supports, assembly.scene.model.supports, strict=True):
         if support.unilateral:
-            groups[support.name] = np.arange(first, first + len(support.points))
+            groups[support.name] = members = np.arange(first, first + len(support.points))
             first += len(support.points)
+            if stated.per == "area":
+                names = tuple(contacts.names[i] for i in members)
+                about = f"Contact force of {support.name} over the area that belongs to each contact"
+                pressure = Series(names, "Pa", force[:, members] / support.factors, about)
+                series[f"contacts/pressure/{support.name.replace('/', '_')}"] = pressure
     for line in contact_lines(groups, np.asarray(contacts.points)):
         names = tuple(contacts.names[i] for i in line.contacts)
         about = f"Contact force of {line.name} over the length of line that belongs to each contact, half the way to its neighbours"

@@ -164,13 +164,14 @@ def compare(first: Results, second: Results, names: tuple[str, str]) -> Comparis
 
 
 def _histories(results: Results) -> dict[str, Series]:
-    """Return what is compared: all but what follows from the rest, and absolute accelerations for relative ones."""
+    """Return what is compared: all but what follows from the rest or jumps, and absolute accelerations for relative ones."""
     kept = {key: part for key, part in results.series.items()
-            if key not in ("probes/first pass", "probes/acceleration") and "line force" not in key}
+            if key not in ("probes/first pass", "probes/acceleration", "forces/angle")
+            and not key.startswith(("contacts/line force/", "contacts/pressure/"))}
     if "probes/acceleration" in results.series:
         names, absolute = floor_acceleration(results.series)
         kept["probes/floor"] = Series(names, "m/s2", absolute, "Absolute accelerations of the probes")
-    order = ("probes", "ground", "reactions", "uplift", "energy", "contacts")
+    order = ("probes", "ground", "reactions", "forces", "cuts", "uplift", "energy", "contacts")
     return {key: kept[key] for key in sorted(kept, key=lambda key: order.index(key.split("/")[0]))}
 
 

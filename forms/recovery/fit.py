@@ -8,17 +8,15 @@ DEPENDENT = 1e-6
 """Part of a term's size that must be left beside the terms before it: values at points in two rows know no curvature across them."""
 
 
-def weights_at(point: np.ndarray, points: np.ndarray, degree: int) -> np.ndarray:
-    """Return the weights (n,) of values at `points` (n, 2) m that give the value at `point` (2,) m of the polynomial fitted to them.
+def weights_at(points: np.ndarray, degree: int, *, in_each: bool) -> np.ndarray:
+    """Return the weights (n,) of values at `points` (n, 2) m that give the value at the origin of the polynomial fitted to them.
 
-    The polynomial is of `degree` in the plane, less the terms that the points cannot tell from lower ones. Values of a polynomial that
-    is left are given back exactly. Source: Zienkiewicz and Zhu, IJNME 33 (1992) 1331.
+    The polynomial is of `degree` in each of the two coordinates, or in both together, less the terms that the points cannot tell from
+    lower ones. Values of a polynomial that is left are given back exactly. Source: Zienkiewicz and Zhu, IJNME 33 (1992) 1331.
     """
-    away = points - point
-    _, _, turned = np.linalg.svd(points - points.mean(axis=0), full_matrices=True)
-    local = away @ turned.T
-    local /= max(float(np.max(np.abs(local), initial=0.0)), np.finfo(float).tiny)
-    terms = [local[:, 0] ** (n - k) * local[:, 1] ** k for n in range(degree + 1) for k in range(n + 1)]
+    x, y = points.T / max(float(np.max(np.abs(points), initial=0.0)), np.finfo(float).tiny)
+    powers = [(n - k, k) for n in range(2 * degree + 1) for k in range(n + 1)]
+    terms = [x**i * y**j for i, j in powers if (max(i, j) if in_each else i + j) <= degree]
     basis: list[np.ndarray] = []
     kept = []
     for term in terms:

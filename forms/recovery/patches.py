@@ -13,8 +13,8 @@ from uplift.meshes.checked import ModelError
 from uplift.meshes.compat import geometry_cells
 from uplift.meshes.groups import GroupNames, groups_in_words, names_in
 
-FOLD = np.cos(np.radians(20.0))
-"""Cells whose normals turn by more than 20 degrees are two plates; those of a curved shell turn less if its mesh is worth its answer."""
+FOLD_WITHIN, FOLD_BETWEEN = np.cos(np.radians(45.0)), np.cos(np.radians(1.0))
+"""Cells whose normals turn by more are two plates: within one group, whose cells may follow a curved shell, and between groups."""
 
 NEAR = 1e-6
 """Distances are the same within this part of a cell's size."""
@@ -30,8 +30,8 @@ class Patch:
     """(n,): its number there."""
     normal: np.ndarray
     """(3,): of the cell that holds the point."""
-    inner: int
-    """Index of that cell."""
+    along: np.ndarray
+    """(3,): unit direction of its first side."""
     thickness: float
     """m, of the plate at the point."""
     part: GroupNames | None
@@ -77,9 +77,10 @@ def patch_at(compiled: CompiledForms, point: np.ndarray, part: GroupNames, what:
     if not set(holding.tolist()) <= reached:
         raise ModelError("part", _meeting(near, holding, part, what, point))
     chosen = np.array(sorted(reached))
-    inner = int(np.flatnonzero(chosen == holding[0])[0])
+    side = near.corners[holding[0], 1] - near.corners[holding[0], 0]
     own = next((group for group in reversed(parts) if _belongs(near.groups[holding[0]], group)), None)
-    return Patch(near.rank[chosen], near.cell[chosen], near.normals[holding[0]], inner, float(near.material[holding[0], 2]), own)
+    along, thickness = side / np.linalg.norm(side), float(near.material[holding[0], 2])
+    return Patch(near.rank[chosen], near.cell[chosen], near.normals[holding[0]], along, thickness, own)
 
 
 def _belongs(groups: frozenset[str], part: GroupNames) -> bool:
@@ -147,7 +148,8 @@ def _links(near: _Near, ring: np.ndarray, part: GroupNames) -> dict[int, set[int
             continue
         i, j = cells
         same = np.allclose(near.material[i], near.material[j], rtol=1e-9, atol=0.0)
-        if same and abs(near.normals[i] @ near.normals[j]) >= FOLD:
+        limit = FOLD_WITHIN if near.groups[i] == near.groups[j] else FOLD_BETWEEN
+        if same and abs(near.normals[i] @ near.normals[j]) >= limit:
             links[i].add(j)
             links[j].add(i)
     return links

@@ -53,31 +53,29 @@ def _rows_of(probe: Probe, patch: Patch, sections: SectionForces, axes: AxesOfPa
     """Return the section forces at a probe, (n_components, n_local) (collective)."""
     point, compiled, comm = np.asarray(probe.point), sections.compiled, numbering.comm
     directions = axes.of(patch.part)
+    directions.at(point, patch.normal)  # refuses a point without axes, around which its neighbours have some
     mine = np.flatnonzero(patch.rank == comm.rank)
     cells = patch.cell[mine]
     positions, normals = sections.positions(cells), sections.normals(cells)
     normals = normals * np.sign(normals @ patch.normal)[..., None]
-    weights = _weights(patch, mine, positions, point, directions.at(point, patch.normal), compiled, comm)
+    weights = _weights(patch, mine, positions - point, compiled, comm)
     values = sections.rows(cells, directions.at(positions, normals), normals)
     summed = np.einsum("cq,cqink->cink", weights, values)
     return _scattered(summed, cells, compiled, numbering)
 
 
-def _weights(
-    patch: Patch, mine: np.ndarray, positions: np.ndarray, point: np.ndarray, first: np.ndarray, compiled: CompiledForms, comm: Any
-) -> np.ndarray:
-    """Return the weights (n_cells, n_points) of this rank's points, fitted to those of all ranks (collective).
+def _weights(patch: Patch, mine: np.ndarray, away: np.ndarray, compiled: CompiledForms, comm: Any) -> np.ndarray:
+    """Return the weights (n_cells, n_points) of this rank's points, `away` (n_cells, n_points, 3) m from the probe.
 
-    Many parameters because the points of a patch lie on several ranks.
+    They are fitted to the points of all ranks (collective).
     """
-    whole = np.empty((len(patch.cell), *positions.shape[1:]))
-    for numbers, there in comm.allgather((mine, positions)):
+    whole = np.empty((len(patch.cell), *away.shape[1:]))
+    for numbers, there in comm.allgather((mine, away)):
         whole[numbers] = there
-    plane = np.stack([first, np.cross(patch.normal, first)])
+    plane = np.stack([patch.along, np.cross(patch.normal, patch.along)])
     triangle = compiled.tagged.mesh.ufl_domain().ufl_cell().cellname() == "triangle"
     degree = max(compiled.degree - 1, 1) if triangle else compiled.degree
-    local = (whole - point) @ plane.T
-    found = weights_at(np.zeros(2), local.reshape(-1, 2), degree).reshape(whole.shape[:2])
+    found = weights_at((whole @ plane.T).reshape(-1, 2), degree, in_each=not triangle).reshape(whole.shape[:2])
     chosen: np.ndarray = found[mine]
     return chosen
 

@@ -1,4 +1,4 @@
-"""What follows from section forces: stresses at the faces and in the middle, principal values, von Mises."""
+"""What follows from section forces: stresses at the faces and in the middle, principal values, von Mises, moments of reinforcement."""
 
 from __future__ import annotations
 
@@ -41,6 +41,33 @@ def von_mises(stress: np.ndarray) -> np.ndarray:
     return equivalent
 
 
+def wood_armer(moment: np.ndarray) -> dict[str, np.ndarray]:
+    """Return the design moments (...) N m/m of reinforcement along axes 1 and 2 for moments (..., 3): 11, 22, 12.
+
+    WA1.top and WA2.top, of bars at the face that the normal points to, are >= 0, WA1.bottom and WA2.bottom <= 0: in every direction the
+    section resists at least the moment that acts, with the least sum of both. Sources: Wood, Concrete 2 (1968) 69, and Armer's discussion
+    of it, ibid. 319.
+    """
+    top, bottom = _resisting(moment), _resisting(moment * np.array([-1.0, -1.0, 1.0]))
+    return {"WA1.top": top[0], "WA2.top": top[1], "WA1.bottom": -bottom[0], "WA2.bottom": -bottom[1]}
+
+
+def _resisting(moment: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the moments >= 0 along axes 1 and 2 that resist the positive ones of (..., 3): 11, 22, 12."""
+    one, two, both = np.moveaxis(moment, -1, 0)
+    twist = np.abs(both)
+    first_idle, second_idle = one < -twist, two < -twist
+
+    def beside(other: np.ndarray, idle: np.ndarray) -> np.ndarray:
+        """Return what the twist adds to one direction where the other one needs nothing."""
+        ratio: np.ndarray = twist**2 / np.where(idle, np.abs(other), 1.0)
+        return ratio
+
+    first = np.where(first_idle, 0.0, one + np.where(second_idle, beside(two, second_idle), twist))
+    second = np.where(second_idle, 0.0, two + np.where(first_idle, beside(one, first_idle), twist))
+    return np.maximum(first, 0.0), np.maximum(second, 0.0)
+
+
 def _tensors(forces: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """Return membrane forces and moments (..., 3), zero where a kinematics has none."""
     nothing = np.zeros_like(next(iter(forces.values())))
@@ -68,6 +95,8 @@ def derived(forces: dict[str, np.ndarray], thickness: float) -> dict[str, tuple[
         if f"{letter}11" in forces:
             larger, smaller, angle = principal(tensor)
             found |= {f"{letter}1": (unit, larger), f"{letter}2": (unit, smaller), f"angle.{letter}": ("rad", angle)}
+    if "M11" in forces:
+        found |= {name: ("N m/m", values) for name, values in wood_armer(moment).items()}
     for face, height in FACES.items():
         stress = face_stress(membrane, moment, thickness, height)
         larger, smaller, angle = principal(stress)

@@ -13,7 +13,7 @@ from uplift.drivers.results.internal_forces import columns_of
 from uplift.drivers.scene.request import Request
 from uplift.drivers.scene.scene import build_scene
 from uplift.forms.recovery.fit import weights_at
-from uplift.forms.recovery.stresses import derived, principal
+from uplift.forms.recovery.stresses import derived, principal, wood_armer
 from uplift.meshes.checked import ModelError
 
 POISSON, THICKNESS = 0.3, 0.1
@@ -192,6 +192,38 @@ def test_axes_along_an_edge_and_of_a_part_without_a_material(comm):
     assert (turned["P.N22"], turned["P.N11"]) == pytest.approx((usual["P.N11"], usual["P.N22"]))
 
 
+def test_forces_are_not_averaged_across_a_shallow_fold(comm):
+    """A roof of two plates that fold by 12 degrees, pulled along one of them: at the ridge each has its own force."""
+    rise = np.tan(np.radians(6.0)) * 2
+    mesh = {"size": 1.0, "plates": [
+        {"name": "LEFT", "corners": [[-2, 0, 0], [0, 0, rise], [0, 3, rise], [-2, 3, 0]]},
+        {"name": "RIGHT", "corners": [[0, 0, rise], [2, 0, 0], [2, 3, 0], [0, 3, rise]]},
+    ]}
+    common = {"mesh": mesh, "conditions": [{"group": "LEFT.4", "edge": "clamped"}],
+              "load": [{"kind": "force", "group": "RIGHT.2", "per": "length", "force": {"Y": 10.0}}]}
+    with pytest.raises(ModelError, match=r"several plates \(LEFT, RIGHT\) meet"):
+        forces(comm, probes=[probe("P", 0.0, 1.5, rise)], **common)
+    found = forces(comm, probes=[probe("P", 0.0, 1.5, rise, part="LEFT"), probe("Q", 0.0, 1.5, rise, part=["LEFT"])], **common)
+    assert found["P.N12"] == found["Q.N12"] and found["P.N12"] == pytest.approx(10.0, rel=0.6)  # a parabola across the width
+
+
+@pytest.mark.parametrize("cells", [3, 4])
+def test_a_coarse_curved_shell_is_one_plate(comm, tmp_path, cells):
+    """A quarter of a cylinder of 3 or 4 cells, whose normals turn by 30 and 22.5 degrees, under tension along it."""
+    if comm.rank == 0:
+        write_cylinder(tmp_path / "quarter.msh", 10.0, 90.0, 20.0, cells)
+    folder = comm.bcast(tmp_path)
+    at = [10.0 * np.sin(np.pi / 2 / cells), 20.0 / cells, 10.0 * np.cos(np.pi / 2 / cells)]
+    found = forces(
+        comm, folder, mesh={"file": "quarter.msh", "degree": 2}, probes=[probe("P", *at)],
+        plate={**PLATE, "poisson": 0.0, "axes": {"cylinder": {"point": [0.0, 0.0, 0.0], "axis": [0.0, 1.0, 0.0]}}},
+        conditions=[{"group": "MIDDLE", "zero": ["DY"]}, {"group": "CROWN", "zero": ["DX", "DRY"]},
+                    {"group": "SIDE", "zero": ["DZ", "DRY"]}],
+        load=[{"kind": "force", "group": "END", "per": "length", "force": {"Y": 10.0}}],
+    )
+    assert [found[f"P.{name}"] for name in ("N11", "N22", "N12")] == pytest.approx([10.0, 0.0, 0.0], abs=1e-6)
+
+
 @pytest.mark.ranks
 def test_a_probe_where_plates_meet_names_its_part(comm):
     mesh = {"size": 1.0, "plates": [
@@ -212,11 +244,40 @@ def test_a_probe_where_plates_meet_names_its_part(comm):
 
 def test_weights_give_back_polynomials_and_know_no_curvature_across_two_rows():
     points = np.random.default_rng(4).uniform(size=(20, 2))
-    weights = weights_at(np.array([0.3, 0.6]), points, 2)
-    assert weights @ (1 + points[:, 0] * points[:, 1] - points[:, 1] ** 2) == pytest.approx(1 + 0.18 - 0.36)
+    x, y = points.T + np.array([[0.3], [0.6]])
+    assert weights_at(points, 2, in_each=False) @ (1 + x * y - y**2) == pytest.approx(1 + 0.18 - 0.36)
+    assert weights_at(points, 2, in_each=True) @ (x**2 * y**2) == pytest.approx(0.18**2)
     rows = np.array([(x, y) for x in range(4) for y in (-1.0, 1.0)])
-    weights = weights_at(np.array([1.0, 0.0]), rows, 2)
+    weights = weights_at(rows - [1.0, 0.0], 2, in_each=True)
     assert weights @ (rows[:, 0] ** 2 + 3 * rows[:, 1]) == pytest.approx(1.0)
+
+
+def test_moments_of_reinforcement_by_hand():
+    """Twist alone needs the same in all four layers, a moment along axis 1 alone one; else M12^2 / M of the idle direction is added."""
+    names = ("WA1.top", "WA2.top", "WA1.bottom", "WA2.bottom")
+
+    def found(*moment):
+        return [float(wood_armer(np.array(moment))[name]) for name in names]
+
+    assert found(0.0, 0.0, -5.0) == pytest.approx([5.0, 5.0, -5.0, -5.0])
+    assert found(7.0, 0.0, 0.0) == pytest.approx([7.0, 0.0, 0.0, 0.0])
+    assert found(6.0, -3.0, 1.0) == pytest.approx([6.0 + 1.0 / 3.0, 0.0, 0.0, -3.0 - 1.0 / 6.0])
+    assert found(-4.0, -4.0, 1.0) == pytest.approx([0.0, 0.0, -5.0, -5.0])
+
+
+def test_reinforcement_resists_the_moment_in_every_direction_and_no_more():
+    """Johansen: m1 cos2 + m2 sin2 >= M_n at every angle at the top, <= at the bottom, and equal at some angle where bars are needed."""
+    moments = np.random.default_rng(5).normal(size=(200, 3))
+    angle = np.linspace(0.0, np.pi, 3601)[:, None]
+    c, s = np.cos(angle), np.sin(angle)
+    acting = moments[:, 0] * c**2 + moments[:, 1] * s**2 + 2 * moments[:, 2] * s * c
+    design = wood_armer(moments)
+    spare_top = design["WA1.top"] * c**2 + design["WA2.top"] * s**2 - acting
+    spare_bottom = acting - design["WA1.bottom"] * c**2 - design["WA2.bottom"] * s**2
+    for spare, bars in ((spare_top, design["WA1.top"] + design["WA2.top"]), (spare_bottom, design["WA1.bottom"] + design["WA2.bottom"])):
+        assert np.min(spare) > -1e-12
+        # Angles of half a twentieth of a degree: a minimum is met to the square of that.
+        assert np.max(np.min(spare, axis=0)[np.abs(bars) > 0]) < 1e-5
 
 
 def test_principal_values_and_their_direction():
