@@ -165,8 +165,7 @@ def prepare(scene: Scene, comm: Any) -> AssembledScene:
     degree = degree_of(kind, degree, tagged.mesh.topology.cell_type.name)
     with clock.phase("forms and compilation"), form_cache(comm), silent_compiler():
         compiled = compile_plate(
-            tagged, kind, degree, form_compiler(comm),
-            rotary_inertia=scene.kinematics.rotary_inertia, pressure=bool(model.pressures),
+            tagged, kind, degree, model, form_compiler(comm), rotary_inertia=scene.kinematics.rotary_inertia,
         )
     with clock.phase("assembly"):
         assembled = assemble_plate(compiled, model)

@@ -50,8 +50,8 @@ class Request:
             raise ModelError("run.iterations", f"the method {self.method} knows no published passes")
         if self.method == "exact" and any(s.unilateral and s.mass > 0 for s in scene.model.supports):
             raise ModelError("supports.mass", "the method exact takes joints without mass: set it to 0, or take the method transient")
-        if self.passes and any(s.unilateral and s.sideways == "released" for s in scene.model.supports):
-            raise ModelError("supports", "the published passes cannot release a support sideways; leave out --iterations")
+        if self.passes and any(s.follows_sideways for s in scene.model.supports):
+            raise ModelError("supports", "the published passes keep sideways forces: set sideways = \"bonded\", or leave out --iterations")
 
     def check_held(self, scene: Scene, unrestrained: tuple[str, ...]) -> None:
         """Raise `ModelError` if the method needs a static state and nothing holds the plate against the motions `loose`."""

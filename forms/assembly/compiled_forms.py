@@ -12,6 +12,7 @@ import numpy as np
 import ufl
 
 from uplift.forms.contact.supports import AXES
+from uplift.forms.parameters import PlateModel
 from uplift.forms.shells import membrane, shell
 from uplift.forms.shells.facets import Facet, common_normal, facet_of
 from uplift.forms.shells.material import Material
@@ -47,19 +48,20 @@ def compile_plate(
     tagged: TaggedMesh,
     kind: str,
     degree: int,
+    model: PlateModel,
     compiler: Callable[[Any], Any] = compile_form,
     *,
     rotary_inertia: bool = False,
-    pressure: bool = False,
 ) -> CompiledForms:
     """Compile what the kinematics `kind` of `uplift.forms.shells.kinematics` needs, for a displacement of `degree` (collective).
 
-    All material constants are functions of the cell, so that other values and other groups need no new compilation.
+    Which loads need a form is read from `model`. All material constants are functions of the cell, so that other values and other groups
+    need no new compilation.
     """
     mesh, constants = tagged.mesh, piecewise_constant_space(tagged.mesh)
     material = SimpleNamespace(**{field.name: dolfinx.fem.Function(constants) for field in fields(Material)})
     dx = ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": 2 * degree})
-    value = dolfinx.fem.Function(constants) if pressure else None
+    value = dolfinx.fem.Function(constants) if model.pressures else None
     if kind == "plane stress":
         components: tuple[str, ...] = ("DX", "DY")
         space = vector_space(mesh, degree, 2)

@@ -214,7 +214,7 @@ def _contact_components(joints: list[Joint], dofs: NodeDofs) -> tuple[ContactCom
     unilateral = [joint for joint in joints if joint.support.unilateral]
     normal = [ContactComponent(joint, joint.support.axis, contact, contact) for contact, joint in enumerate(unilateral)]
     released = [
-        (joint, axis, contact) for contact, joint in enumerate(unilateral) if joint.support.sideways == "released"
+        (joint, axis, contact) for contact, joint in enumerate(unilateral) if joint.support.follows_sideways
         for axis in dofs.column
         if axis < TRANSLATIONS and axis != joint.support.axis and np.isfinite(joint.support.flexibility(axis))
     ]

@@ -141,6 +141,11 @@ class Support(Placed):
         """+1 or -1: sense of the unilateral direction along its axis."""
         return -1.0 if self.unilateral.startswith("-") else 1.0
 
+    @property
+    def follows_sideways(self) -> bool:
+        """Whether forces along the other directions depend on what the contact does."""
+        return bool(self.unilateral) and self.sideways != "bonded"
+
     def flexibility(self, axis: int) -> float:
         """Return the flexibility in m/N along `axis`: spring and contact in series (infinite where one is missing)."""
         springs = self.stiffness[axis], self.contact[axis]

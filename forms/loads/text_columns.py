@@ -94,7 +94,7 @@ def read_columns(path: Path, expected: str) -> TextColumns:
     table = TextColumns(path, expected)
     before: list[tuple[int, str]] = []
     mark: str | None = None
-    for number, line in enumerate(re.split(r"\r\n|\r|\n", _text(path).rstrip("\x1a")), start=1):
+    for number, line in enumerate(re.split(r"\r\n|\r|\n", read_text(path).rstrip("\x1a")), start=1):
         if not line.strip(" \t;,\"'\f\xa0"):
             continue
         if line.lstrip().startswith(REMARKS):
@@ -128,7 +128,8 @@ def _read_headings(table: TextColumns, before: list[tuple[int, str]], mark: str 
             table.remarks.append(line.strip())
 
 
-def _text(path: Path) -> str:
+def read_text(path: Path) -> str:
+    """Return the text of a file in UTF-8, UTF-16 or Latin-1. Raises `ModelError` if it is missing, too large or no text."""
     try:
         if not path.is_file():
             raise ModelError("", f"cannot read {path}: there is no such file")

@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 
 from uplift.forms.contact.law import UpliftLaw
-from uplift.solvers.contact.auxiliary_nodes import AuxiliaryNodes
 from uplift.solvers.contact.step import ContactProblem
 
 
@@ -26,19 +25,18 @@ def closed(n_channels: int) -> ContactMemory:
 
 
 class ContactStep:
-    """The law of uplift in steps of one length, for one compliance of the structure in a step.
+    """The law of uplift from one instant to the next, for one compliance of the structure in a step; it has no further state.
 
-    Auxiliary nodes without mass have no state of their own; those whose mass counts in a step are integrated along (`AuxiliaryNodes`).
+    Base of the laws that have one: `uplift.solvers.contact.laws` chooses.
     """
 
-    def __init__(self, law: UpliftLaw, compliance: np.ndarray, step: float) -> None:
-        """Take the tensions (n_channels, n_channels) of the bonded contacts per unit release force, and the length of a step in s."""
+    n_inner = 0
+    """Numbers of further state."""
+
+    def __init__(self, law: UpliftLaw, compliance: np.ndarray) -> None:
+        """Take the tensions (n_channels, n_channels) of the bonded contacts per unit release force."""
         self.law = law
         self.problem = ContactProblem(law, compliance)
-        self._nodes = AuxiliaryNodes(law, step)
-        self._with_nodes = self._nodes.any
-        self.n_inner = 4 * law.n_contacts if self._with_nodes else 0
-        """Numbers of further state."""
 
     @property
     def tries(self) -> float:
@@ -54,11 +52,12 @@ class ContactStep:
         self.problem.tries, self.problem.solved = (int(v) for v in counts["problems"])
 
     def begin(self, memory: ContactMemory) -> ContactMemory:
-        """Return the memory to march from: nodes at rest, unless their motion is known."""
-        if memory.inner.size == self.n_inner:
-            return memory
-        inner = self._nodes.at_rest(memory.release).ravel() if self._with_nodes else np.zeros(0)
-        return ContactMemory(memory.release, inner)
+        """Return the memory to march from, its further state at rest unless it is known."""
+        return memory if memory.inner.size == self.n_inner else ContactMemory(memory.release, self.at_rest(memory.release))
+
+    def at_rest(self, release: np.ndarray) -> np.ndarray:
+        """Return the further state (n_inner,) at rest under release forces (n_channels,) N."""
+        return np.zeros(self.n_inner)
 
     def advance(self, tension: np.ndarray, memory: ContactMemory, scale: float) -> ContactMemory:
         """Return the memory at the next instant, its release forces among it.
@@ -66,19 +65,12 @@ class ContactStep:
         `tension` (n_channels,) N is that of the bonded contacts without the release forces of that instant; forces below 1e-12 of `scale` N
         are round-off. Raises `SolverError` if there is no answer.
         """
-        if not self._with_nodes:
-            return ContactMemory(self.problem.solve(tension, memory.release, scale), memory.inner)
-        motion = memory.inner.reshape(4, -1)
-        release, motion = self._nodes.solve(self.problem, tension, memory.release, motion, scale)
-        return ContactMemory(release, motion.ravel())
+        return ContactMemory(self.problem.solve(tension, memory.release, scale), memory.inner)
 
     def support_force(self, release: np.ndarray, inner: np.ndarray) -> np.ndarray:
         """Return what stands against the supports' springs (nt, n_channels) N, of release forces and further states (nt, n_inner)."""
-        return self._nodes.on_ground(release, self._motion(inner)) if self._with_nodes else release
+        return release
 
     def openings(self, inner: np.ndarray) -> np.ndarray | None:
         """Return the openings (nt, n_c) m of the contacts from further states (nt, n_inner); None where the release forces tell them."""
-        return self._nodes.gap(self._motion(inner)) if self._with_nodes else None
-
-    def _motion(self, inner: np.ndarray) -> np.ndarray:
-        return inner.reshape(len(inner), 4, -1).transpose(1, 0, 2)
+        return None

@@ -23,6 +23,7 @@ import numpy as np
 import scipy.fft
 
 from uplift.forms.operators import Operators
+from uplift.solvers.contact.laws import contact_step
 from uplift.solvers.contact.memory import ContactMemory, ContactStep, closed
 from uplift.solvers.frequency_domain.convolution import OnlineConvolution
 from uplift.solvers.frequency_domain.sweep import sweep
@@ -186,7 +187,7 @@ def _march(
     n_loads = len(operators.loads)
     linear = law.tension(circle.inverse(np.einsum("fcj,fj->fc", answers, amplitudes))) + tensions(operators, start.displacement)
     kernel = law.stiffness[:, None] * circle.inverse(answers[:, :, n_loads : n_loads + law.n_channels])
-    contacts = ContactStep(law, kernel[0], circle.step)
+    contacts = contact_step(law, kernel[0], circle.step)
     memory = contacts.begin(ContactMemory(start.release, np.zeros(0)))
     memories = [memory] * (circle.steps + 1)
 

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from uplift.forms.operators import Operators
+from uplift.solvers.contact.laws import contact_step
 from uplift.solvers.contact.memory import ContactMemory, ContactStep, closed
 from uplift.solvers.dense import solve_definite
 from uplift.solvers.time_domain.kept import Kept
@@ -47,7 +48,7 @@ class DenseStepper:
         """None where contacts stay bonded."""
         if exact_uplift and law.n_channels:
             moved, _ = scheme.corrector(1.0)
-            self.contacts = ContactStep(law, moved * (self._pull @ self._per_release), step)
+            self.contacts = contact_step(law, moved * (self._pull @ self._per_release), step)
         self._known = np.zeros(2 * m + len(loads) + law.n_channels)
         """(q, dt q', loads, release forces) at the last instant; views of it: motion, loads, release."""
         self._motion = self._known[: 2 * m].reshape(2, m)

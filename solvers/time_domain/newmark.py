@@ -16,6 +16,7 @@ import numpy as np
 from scipy import sparse
 
 from uplift.forms.operators import Operators
+from uplift.solvers.contact.laws import contact_step
 from uplift.solvers.contact.memory import ContactMemory, ContactStep, closed
 from uplift.solvers.linear import SAME_PATTERN, SMALL, LinearSolver, definite_solver
 from uplift.solvers.time_domain.balance import balance_acceleration
@@ -96,7 +97,7 @@ class Newmark:
         if exact_uplift and operators.contacts.law.n_channels:
             # A release force r1 acts as (1 - alpha_f) r1 at the instant of balance and moves the contacts by beta dt^2 a1.
             self._compliance = ContactCompliance(operators, self.solver, stiffness)
-            self.contacts = ContactStep(operators.contacts.law, self._compliance.matrix, step)
+            self.contacts = contact_step(operators.contacts.law, self._compliance.matrix, step)
 
     def __enter__(self) -> Newmark:
         """Return itself."""

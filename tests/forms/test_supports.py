@@ -44,6 +44,14 @@ def test_sideways_channels_belong_to_their_contact_and_are_left_alone_by_the_pub
     assert np.array_equal(law.release(np.array([1.0, 1.0, 1.0])), [2.0, 3.0, 0.0])
 
 
+@pytest.mark.parametrize(
+    ("unilateral", "sideways", "follows"), [("Y", "bonded", False), ("Y", "released", True), ("", "bonded", False)]
+)
+def test_sideways_forces_follow_a_contact_that_can_open_and_does_not_hold_them(unilateral, sideways, follows):
+    support = Support("S", ((0.0, 0.0),), (1.0, 1.0), (1.0, 1.0), unilateral=unilateral, sideways=sideways)
+    assert support.follows_sideways is follows
+
+
 def test_preload_is_a_negative_gap():
     preloaded = Support("S", ((0.0, 0.0),), (0.0, 4.0), (0.0, 12.0), preload=6.0)
     assert preloaded.flexibility(1) == pytest.approx(1 / 3)

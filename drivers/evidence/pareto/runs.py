@@ -145,7 +145,7 @@ def check(scene: Scene) -> None:
     rectangle(scene)
     if not any(support.unilateral for support in scene.model.supports):
         raise ModelError("supports", "expected at least one unilateral support")
-    if any(support.unilateral and support.sideways == "released" for support in scene.model.supports):
+    if any(support.follows_sideways for support in scene.model.supports):
         raise ModelError("supports", "the published passes cannot release a support sideways; the study needs sideways = 'bonded'")
     if abs(scene.transient.duration / INSTANTS - round(scene.transient.duration / INSTANTS)) > 1e-9:
         raise ModelError("transient.duration", f"expected a multiple of {INSTANTS:g} s, the instants at which histories are compared")

@@ -70,7 +70,7 @@ def run_case(scene: Scene, comm: Any, case: Case) -> Outcome:
         n_c = assembly.operators.contacts.law.n_contacts
         opened = int(np.max(np.sum(exact.release[:, :n_c] > 0, axis=1)))
         in_time, in_window = None, None
-        if not any(s.unilateral and s.sideways == "released" for s in scene.model.supports):
+        if not any(s.follows_sideways for s in scene.model.supports):
             in_time = passes_in_time(assembly)
             in_window = analyse(assembly, Request("time-frequency", IN_WINDOW, END)).passes
     return Outcome(case, exact, relative(swept.probes, exact.probes), opened, in_time, in_window)

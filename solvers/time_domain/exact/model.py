@@ -68,7 +68,7 @@ def dense_model(operators: Operators) -> DenseModel:
     law = operators.contacts.law
     if law.n_channels > law.n_contacts:
         raise ModelError(
-            "supports", "sideways = \"released\" needs a method that steps in time: the exact method keeps sideways forces bonded"
+            "supports", "the exact method keeps sideways forces: set sideways = \"bonded\", or take a method that steps in time"
         )
     if law.mass.any():
         raise ModelError("supports", "the exact method takes joints without mass: set mass = 0, or take a method that steps in time")
