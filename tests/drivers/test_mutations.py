@@ -154,7 +154,7 @@ def test_scenes_and_tables(tmp_path, number_of_files):
             (tmp_path / file).write_bytes(data)
         return tmp_path / "scene.toml"
 
-    ended = outcomes(make, read_all)
+    ended = outcomes(make, read_all, number_of_files)
     assert min(ended.values()) > 0.1 * number_of_files, ended
 
 

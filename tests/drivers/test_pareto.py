@@ -19,6 +19,7 @@ from uplift.drivers.evidence.pareto.errors import Reference, Trace
 from uplift.drivers.evidence.pareto.runs import Outcome, assemble, execute_once
 from uplift.drivers.evidence.pareto.tables import tables
 from uplift.drivers.evidence.peers import peer_scipy, peers
+from uplift.drivers.scene.shipped import REFERENCE
 from uplift.meshes.checked import ModelError
 from uplift.solvers.time_domain.initial import static_state
 from uplift.solvers.time_domain.state import tensions
@@ -243,7 +244,7 @@ def test_opensees_that_cannot_be_had_is_one_line(monkeypatch, tmp_path):
 
 def test_bad_input(sdls119a, tmp_path, comm):
     with pytest.raises(ModelError, match="expected the name of a file"):
-        pareto.pareto(comm, pareto.Options(pareto.REFERENCE, tmp_path, True, False, True))
+        pareto.pareto(comm, pareto.Options(REFERENCE, tmp_path, True, False, True))
     unrestrained = replace(sdls119a.model.supports[0], stiffness=(0.0, 1e8), contact=(0.0, 1e15))
     with pytest.raises(ModelError, match="nothing holds the plate against"):
         assemble(replace(sdls119a, model=replace(sdls119a.model, supports=(unrestrained,))), AS_PUBLISHED, Mesh(), comm)
