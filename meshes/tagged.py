@@ -97,7 +97,7 @@ class TaggedMesh:
         for pair in ((1, 2), (2, 1)):
             topology.create_connectivity(*pair)
         to_cells, to_facets = topology.connectivity(1, 2), topology.connectivity(2, 1)
-        ends, owned = SIDES[self.mesh.ufl_domain().ufl_cell().cellname()], topology.index_map(2).size_local
+        ends, owned = SIDES[self.mesh.topology.cell_name()], topology.index_map(2).size_local
         return [
             (int(cell), ends[int(np.flatnonzero(to_facets.links(cell) == facet)[0])])
             for facet in self.facets(name) for cell in to_cells.links(facet) if cell < owned

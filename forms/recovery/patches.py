@@ -101,7 +101,7 @@ def _near(compiled: CompiledForms, point: np.ndarray) -> _Near:
     tagged = compiled.tagged
     mesh, comm = tagged.mesh, tagged.mesh.comm
     owned = mesh.topology.index_map(2).size_local
-    n_corners = 3 if mesh.ufl_domain().ufl_cell().cellname() == "triangle" else 4
+    n_corners = 3 if mesh.topology.cell_name() == "triangle" else 4
     cells = geometry_cells(mesh)[:owned, :n_corners]
     at = mesh.geometry.x[cells]
     middles = at.mean(axis=1)

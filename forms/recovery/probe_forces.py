@@ -73,7 +73,7 @@ def _weights(patch: Patch, mine: np.ndarray, away: np.ndarray, compiled: Compile
     for numbers, there in comm.allgather((mine, away)):
         whole[numbers] = there
     plane = np.stack([patch.along, np.cross(patch.normal, patch.along)])
-    triangle = compiled.tagged.mesh.ufl_domain().ufl_cell().cellname() == "triangle"
+    triangle = compiled.tagged.mesh.topology.cell_name() == "triangle"
     degree = max(compiled.degree - 1, 1) if triangle else compiled.degree
     found = weights_at((whole @ plane.T).reshape(-1, 2), degree, in_each=not triangle).reshape(whole.shape[:2])
     chosen: np.ndarray = found[mine]

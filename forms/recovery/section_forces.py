@@ -43,7 +43,7 @@ class SectionForces:
     def __init__(self, compiled: CompiledForms) -> None:
         """Take the compiled forms, whose material functions must have their values when `rows` is called."""
         mesh, self.compiled = compiled.tagged.mesh, compiled
-        cell = mesh.ufl_domain().ufl_cell().cellname()
+        cell = mesh.topology.cell_name()
         self.names = names_of(compiled.kind)
         self._tied = compiled.degree == 1 and compiled.kind != "plane stress"
         self.points = _points(cell, compiled.degree)

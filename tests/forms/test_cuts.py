@@ -14,6 +14,7 @@ from uplift.drivers.scene.scene import build_scene
 from uplift.forms.contact.rigid_motions import rigid_value
 from uplift.forms.contact.supports import AXES
 from uplift.meshes.checked import ModelError
+from uplift.meshes.compat import geometry_cells
 from uplift.solvers.bases.project import project
 from uplift.solvers.frequency_domain.laplace import laplace_run
 from uplift.solvers.time_domain.initial import static_state
@@ -57,10 +58,10 @@ def side_motions(assembly):
     cells = assembly.tagged.mesh.topology.index_map(2).size_local
     cut = assembly.scene.model.cuts[0].plane
     at = space.tabulate_dof_coordinates()
-    geometry = assembly.tagged.mesh.geometry
+    geometry, ends = assembly.tagged.mesh.geometry, geometry_cells(assembly.tagged.mesh)
     nodes = set()
     for cell in range(cells):
-        corners = geometry.x[geometry.dofmap.links(cell)]
+        corners = geometry.x[ends[cell]]
         if (corners.mean(axis=0) - cut.point) @ cut.normal < 0:
             nodes |= set(space.dofmap.cell_dofs(cell).tolist())
     motions = np.zeros((6, numbering.n_local))
