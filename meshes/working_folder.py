@@ -37,5 +37,4 @@ def start_petsc() -> None:
     """Initialise PETSc without the option file of the current folder; to be called before anything imports it."""
     import petsc4py
 
-    # Without handlers of its own PETSc leaves signals to the program: some builds take SIGTERM back to its default.
-    petsc4py.init(["uplift", "-skip_petscrc", "-no_signal_handler"])
+    petsc4py.init(["uplift", "-skip_petscrc"])

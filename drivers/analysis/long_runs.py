@@ -53,6 +53,11 @@ class Signals:
         self._before = [signal.signal(number, self._heard) for number in self.NUMBERS]
         return self
 
+    def take_again(self) -> None:
+        """Take the signals once more: libraries that begin after this one take some of them, or back to their default."""
+        for number in self.NUMBERS:
+            signal.signal(number, self._heard)
+
     def __exit__(self, *_: object) -> None:
         """Give them back."""
         for number, handler in zip(self.NUMBERS, self._before, strict=True):
@@ -85,6 +90,7 @@ def watched(
         comm, labels = assembly.operators.comm, assembly.plate.labels
         checkpoint = Checkpoint(folder, identity, comm, labels, seconds=seconds or float("inf"), resume=resume)
     with Progress(quiet=quiet) as progress:
+        signals.take_again()
         signals.watch = Watch(checkpoint=checkpoint, progress=progress if progress.shown else None)
         try:
             yield signals.watch
