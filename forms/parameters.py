@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from uplift.forms.contact.supports import AXES, PLACES, Placed, PlacedPoint, Point, Spring, Support, in_space, six
+from uplift.forms.initial_conditions import InitialCondition
 from uplift.forms.loads.signals import Signal
 from uplift.forms.recovery.axes import Axes, direction_of
 from uplift.forms.shells.material import Material
@@ -181,3 +182,4 @@ class PlateModel(Checked):
     axes: Axes | None = quantity("axes of the internal forces where a part has none of its own", default=None)
     cuts: tuple[Cut, ...] = quantity("cuts whose resultants are recorded", default=())
     envelopes: bool = quantity("record the extremes of the section forces all over the plate", default=False)
+    initial: tuple[InitialCondition, ...] = quantity("displacements and velocities at time 0", default=())

@@ -85,6 +85,9 @@ KINDS = {
     "parts": Kind("doubt", "Parts with a material of their own share cells.", "groups that do not overlap"),
     "normals": Kind("doubt", "A pressure acts on neighbouring cells whose normals point to opposite sides.", "turn cells in the mesher"),
     "unsettled": Kind("doubt", "The settling steps end away from the state of rest.", "more settling steps, or `start = 'static'`"),
+    "initial state": Kind(
+        "doubt", "A basis misses more than 1 % of the energy of the initial conditions.", "more modes, or all dofs: a run without a basis"
+    ),
     "wrap-around": Kind("doubt", "The end of the periodic window acts on its beginning.", "a longer window, or the exact sweep"),
     "aliasing": Kind("doubt", "Energy of a load above half the sampling rate comes back at a lower frequency.", "more samples"),
     "cutoff": Kind("doubt", "Energy of a load above the highest frequency that is solved is left out.", "a higher cutoff"),

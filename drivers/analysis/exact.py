@@ -9,6 +9,7 @@ import numpy as np
 
 from uplift.drivers.analysis.assembled_scene import Analysis, ContactEvents
 from uplift.drivers.analysis.envelopes import envelopes_of
+from uplift.drivers.analysis.initial_conditions import with_initial_conditions
 from uplift.drivers.analysis.initial_state import rest_state, rests
 from uplift.drivers.analysis.observers import LiftedShare, Watchers
 from uplift.drivers.analysis.task import Task
@@ -52,8 +53,8 @@ def run_exact(task: Task) -> Analysis:
                 if not rests(task, static):
                     words = "the method exact starts from a state of rest, and the settling steps end in motion; set start = 'static'"
                     raise ModelError("transient.start", words)
-        if any(model.internal):
-            start = _across_gaps(task)
+        if any(model.internal) or task.assembly.plate.model.initial:
+            start = _whole_start(task)
         else:
             start = rest_start(model) if settings.start == "rest" else static_start(model)
         found = solve(model, settings.archived, start, energy=True)
@@ -101,13 +102,15 @@ def _history(task: Task, model: DenseModel, found: ExactHistory) -> History:
     )
 
 
-def _across_gaps(task: Task) -> Start:
-    """Return the state of rest of a model with gaps or preloads (collective)."""
+def _whole_start(task: Task) -> Start:
+    """Return the start of a model with gaps, preloads or initial conditions (collective)."""
     from uplift.solvers.time_domain.exact.starts import Start
 
-    with rest_state(task) as state:
-        displacement = np.concatenate(task.operators.comm.allgather(np.real(state.displacement.array_r).copy()))
-    return Start(displacement, np.zeros(len(displacement)), state.release)
+    with with_initial_conditions(task, rest_state(task)) as state:
+        displacement, velocity = (
+            np.concatenate(task.operators.comm.allgather(np.real(vector.array_r).copy())) for vector in (state.displacement, state.velocity)
+        )
+    return Start(displacement, velocity, state.release)
 
 
 def _own(task: Task, displacement: np.ndarray) -> np.ndarray:

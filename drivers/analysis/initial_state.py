@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from uplift.drivers.analysis.assembled_scene import AssembledScene
+from uplift.drivers.analysis.initial_conditions import with_initial_conditions
+from uplift.drivers.analysis.plate_motion import in_basis, open_contacts, with_joints
 from uplift.drivers.analysis.task import Task
 from uplift.forms.operators import Operators
 from uplift.meshes.findings import say
-from uplift.solvers.bases.basis import apply, inner
-from uplift.solvers.contact.memory import ContactMemory
-from uplift.solvers.dense import solve_definite
 from uplift.solvers.time_domain.initial import settled_state, static_state
 from uplift.solvers.time_domain.scheme import Scheme
 from uplift.solvers.time_domain.state import State, at_rest, largest_nodal, loads_at, tensions
@@ -23,7 +22,7 @@ def start_state(task: Task) -> State:
     """Return the state that the scene asks to start from (collective); say so if settling steps end in motion."""
     settings = task.settings
     if settings.start != "settled":
-        return rest_state(task)
+        return with_initial_conditions(task, rest_state(task))
     settled = _settled(task)
     if task.exact:
         with rest_state(task) as static:
@@ -45,33 +44,22 @@ def rest_state(task: Task) -> State:
     if starts_at_zero and not internal:
         return at_rest(operators)
     if internal and task.exact:
-        undeformed = state_of_plate(task.assembly, *np.zeros((2, task.assembly.plate.numbering.n_field)))
+        undeformed = _undeformed(task.assembly)
         if starts_at_zero or _balanced(task.assembly.operators, undeformed):
             return undeformed if not task.reduced else _projected(task, undeformed)
         undeformed.__exit__()
     return static_state(operators, exact_uplift=task.exact, rigid_modes=task.rigid_modes)
 
 
-def state_of_plate(assembly: AssembledScene, displacement: np.ndarray, velocity: np.ndarray) -> State:
-    """Return the state of all dofs from that of the plate, `displacement` m and `velocity` m/s (n_field,) (collective).
-
-    The joints' own dofs follow from their equilibrium; contacts that would pull are open.
-    """
+def _undeformed(assembly: AssembledScene) -> State:
+    """Return the state of all dofs with the plate at zero (collective): joints in equilibrium, contacts that would pull open."""
     operators, numbering = assembly.operators, assembly.plate.numbering
-    state, own = at_rest(operators), slice(numbering.n_free, None)
+    state = at_rest(operators)
     internal = np.array([float(load.internal) for load in operators.loads])
-    force, work, diagonal = loads_at(operators, internal, state.release), operators.new_vector(), operators.stiffness.getDiagonal()
-    for vector, field, acting in ((state.displacement, displacement, force.array_r[own]), (state.velocity, velocity, 0.0)):
-        given = numbering.vector(field)
-        given.copy(vector)
-        operators.stiffness.mult(vector, work)
-        vector.array[own] = (acting - work.array_r[own]) / diagonal.array_r[own]
-        given.destroy()
-    law, tension = operators.contacts.law, tensions(operators, state.displacement)
-    release = np.where((tension > 0)[law.owner], tension, 0.0)
-    for vector in (force, work, diagonal):
-        vector.destroy()
-    return State(state.displacement, state.velocity, state.acceleration, ContactMemory(release, state.contacts.inner))
+    force = loads_at(operators, internal, state.release)
+    state.displacement.array[:] = with_joints(assembly, np.zeros(numbering.n_field), np.real(force.array_r[numbering.n_free :]))
+    force.destroy()
+    return State(state.displacement, state.velocity, state.acceleration, open_contacts(operators, state.displacement, state.contacts))
 
 
 def _balanced(operators: Operators, undeformed: State) -> bool:
@@ -81,19 +69,9 @@ def _balanced(operators: Operators, undeformed: State) -> bool:
 
 
 def _projected(task: Task, state: State) -> State:
-    """Return a state in the basis of the task's model: displacements nearest in energy, velocities in the mass (collective)."""
-    small, full = task.operators, task.assembly.operators
-    assert small.reduction is not None
-    vectors, found = small.reduction.vectors, at_rest(small)
-    stiffness, mass = (np.real(matrix.getDenseArray()) for matrix in (small.stiffness, small.mass))
-    with_mass = np.diag(mass) != 0
-    shape, speed = (np.real(vector.array_r)[:, None] for vector in (state.displacement, state.velocity))
-    along = inner(vectors, apply(full.stiffness, shape) + apply(full.mass, shape), full.comm)[:, 0]
-    found.displacement.array[:] = solve_definite(stiffness + mass, along, "initial state in the basis")
-    moving = inner(vectors, apply(full.mass, speed), full.comm)[with_mass, 0]
-    rate = np.zeros(small.n)
-    rate[with_mass] = solve_definite(mass[np.ix_(with_mass, with_mass)], moving, "initial velocity in the basis")
-    found.velocity.array[:] = rate
+    """Return a state without motion in the basis of the task's model (collective)."""
+    found = at_rest(task.operators)
+    found.displacement.array[:], _ = in_basis(task, *(np.real(vector.array_r) for vector in (state.displacement, state.velocity)))
     state.__exit__()
     return State(found.displacement, found.velocity, found.acceleration, state.contacts)
 

@@ -36,8 +36,9 @@ def scene_cautions(scene: Scene, method: str = "") -> list[Finding]:
     in_time = (method or scene.run.method) != "static"
     if not in_time and signals:
         found.append(f"the method static leaves out what acts in time, as its signal says: {', '.join(name for name, _ in signals)}")
-    if in_time and scene.transient is not None and not signals:
-        found.append("nothing acts in time: there is no [load] with a signal")
+    moved = any(condition.moves for condition in model.initial)
+    if in_time and scene.transient is not None and not signals and not moved:
+        found.append("nothing acts in time: there is no [load] with a signal, nor [[initial]]")
     lifting = [support for support in model.supports if support.unilateral]
     static = [load for load in _loads(scene) if load.signal is None]
     pressed = model.gravity != 0 or static or any(support.preload for support in lifting)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from pathlib import Path
 
+from uplift.drivers.scene.initial_conditions import initial_condition
 from uplift.drivers.scene.mesh import one_point, places, point_of
 from uplift.drivers.scene.signals import read_signal
 from uplift.drivers.scene.toml_table import Table
@@ -59,6 +60,7 @@ def read_model(scene: Table, mesh: MeshSource, horizon: float, folder: Path, upl
         uplift_group=uplift_group,
         axes=axes,
         cuts=tuple(_cut(entry) for entry in scene.entries("cuts")),
+        initial=tuple(initial_condition(entry) for entry in scene.entries("initial")),
     )
 
 

@@ -50,8 +50,20 @@ class Request:
             raise ModelError("run.iterations", f"the method {self.method} knows no published passes")
         if self.method == "exact" and any(s.unilateral and s.mass > 0 for s in scene.model.supports):
             raise ModelError("supports.mass", "the method exact takes joints without mass: set it to 0, or take the method transient")
+        if any(condition.moves for condition in scene.model.initial):
+            self._check_initial(scene)
         if self.passes and any(s.follows_sideways for s in scene.model.supports):
             raise ModelError("supports", "the published passes keep sideways forces: set sideways = \"bonded\", or leave out --iterations")
+
+    def _check_initial(self, scene: Scene) -> None:
+        """Raise `ModelError` if the method starts from no state that initial conditions could be added to."""
+        if self.method in ("static", "harmonic"):
+            raise ModelError("initial", f"the method {self.method} has no initial conditions: take transient, exact or modal")
+        if self.method == "time-frequency":
+            why = "the window of the published passes is periodic" if self.passes else "the sweep starts from a state of rest"
+            raise ModelError("initial", f"{why}, without initial conditions: take the method transient, exact or modal")
+        if scene.transient is not None and scene.transient.start == "settled":
+            raise ModelError("initial", "expected [transient] start = 'rest' or 'static' with initial conditions, got 'settled'")
 
     def check_held(self, scene: Scene, unrestrained: tuple[str, ...]) -> None:
         """Raise `ModelError` if the method needs a static state and nothing holds the plate against the motions `loose`."""

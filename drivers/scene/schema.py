@@ -11,6 +11,7 @@ from uplift.drivers.scene.mesh import COLUMNS, MOST_DOFS
 from uplift.drivers.scene.signals import SIGNALS, SignalKind
 from uplift.drivers.scene.toml_table import in_words
 from uplift.forms.contact.supports import AXES, Spring, Support
+from uplift.forms.initial_conditions import InitialCondition
 from uplift.forms.parameters import Condition, Cut, Force, Mass, Pressure, Probe
 from uplift.forms.shells.kinematics import Kinematics
 from uplift.forms.shells.material import Material
@@ -127,6 +128,13 @@ directions are three of them."""
 _NAME = Key("name", str, "name of the load", default="load and its number")
 
 
+_SPACE = "a table of X, Y, Z"
+
+
+def _turn(amount: str) -> str:
+    return f"a table of axis = [x, y, z], point = [x, y, z] and {amount}"
+
+
 def _signal_section(name: str, kind: SignalKind) -> Section:
     keys = tuple(key for parameters in kind.parameters for key in of(parameters))
     return Section("load", f'[load] signal = "{name}"', _doc(kind.parameters[0]), keys)
@@ -179,6 +187,13 @@ def _model_sections() -> list[Section]:
                 (*PLACES, *of(Spring, *_PLACED, stiffness=_stiffness("stiffness", "stiffness along and about the axes"))), listed=True),
         Section("masses", "[[masses]]", _doc(Mass), (*PLACES, *of(Mass, *_PLACED)), listed=True),
         Section("conditions", "[[conditions]]", _doc(Condition), of(Condition), listed=True),
+        Section("initial", "[[initial]]", _doc(InitialCondition), of(
+            InitialCondition,
+            displacement=Key("displacement", _SPACE, "displacement; 0 where not given", "m", None),
+            velocity=Key("velocity", _SPACE, "velocity; 0 where not given", "m/s", None),
+            rotation=Key("rotation", _turn("angle"), "rigid rotation by small angles; nodes that have rotations turn too", "rad", None),
+            spin=Key("spin", _turn("rate"), "rate of a rigid rotation", "rad/s", None),
+        ), listed=True),
     ]
 
 

@@ -36,8 +36,10 @@ def in_plane(model: PlateModel, level: float) -> PlateModel:
 
 
 def shifted(model: PlateModel, by: float) -> PlateModel:
-    """Return the model with all its points, and the centres of rocking motions, moved by so many m along Z."""
+    """Return the model with all its points, and the centres of rotations, moved by so many m along Z."""
     if not by:
         return model
     motions = tuple(replace(motion, center=(*motion.center[:2], motion.center[2] + by)) for motion in model.motions)
-    return replace(_with_points(model, lambda p: p if isinstance(p, str) else (p[0], p[1], p[2] + by)), motions=motions)
+    initial = tuple(condition.moved_up(by) for condition in model.initial)
+    moved = _with_points(model, lambda p: p if isinstance(p, str) else (p[0], p[1], p[2] + by))
+    return replace(moved, motions=motions, initial=initial)

@@ -44,6 +44,8 @@ def excited(model: PlateModel, default_up: str) -> frozenset[str]:
         axes |= {axis for axis, value in zip(AXES, force.components, strict=True) if value}
     if model.pressures:
         axes.add("Z")
+    for condition in model.initial:
+        axes |= condition.axes
     axes |= {AXES[support.axis] for support in model.supports if isinstance(support, Support) and support.unilateral and support.settlement}
     return frozenset(axes)
 

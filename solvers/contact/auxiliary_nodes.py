@@ -50,9 +50,12 @@ class AuxiliaryNodes:
 
     def at_rest(self, release: np.ndarray) -> np.ndarray:
         """Return the motion (4, n_c) of nodes at rest under release forces (n_channels,) N."""
-        acting = release[: len(self._mass)]
-        nothing = np.zeros_like(acting)
-        return np.stack([-acting / self._support, nothing, nothing, acting])
+        return self.in_equilibrium(release, np.zeros_like(release))
+
+    def in_equilibrium(self, release: np.ndarray, rate: np.ndarray) -> np.ndarray:
+        """Return the motion (4, n_c) of nodes under release forces (n_channels,) N that grow by `rate` N/s, without a swing."""
+        acting, growing = release[: len(self._mass)], rate[: len(self._mass)]
+        return np.stack([-acting / self._support, -growing / self._support, np.zeros_like(acting), acting])
 
     def solve(
         self, problem: ContactProblem, tension: np.ndarray, before: np.ndarray, motion: np.ndarray, scale: float

@@ -27,7 +27,7 @@ class Equilibrium:
         self._operators, self._every = operators, every
         self._reactions = operators.reactions
         loads = [np.zeros(operators.n_local) if load.internal else np.real(load.vector.array_r) for load in operators.loads]
-        per_load = operators.outputs.total(motions @ np.array(loads).reshape(len(loads), -1).T)
+        per_load = operators.outputs.total(motions @ np.array(loads).reshape(len(loads), operators.n_local).T)
         self._acting = values @ per_load.T
         self._mass, self._damping = (_along(matrix, motions) for matrix in (operators.mass, operators.damping))
         self._rows = np.zeros((2, len(values), len(motions)))

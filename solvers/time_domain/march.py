@@ -87,7 +87,7 @@ def transient(
     operators = stepper.operators
     times = stepper.step * np.arange(steps + 1)
     archived = times[::every]
-    given = None if release is None else np.stack([np.interp(times, archived, column) for column in release.T], axis=1)
+    given = None if release is None else np.array([np.interp(times, archived, column) for column in release.T]).reshape(-1, len(times)).T
     drive = Drive.of(operators, times, given)
     contacts = stepper.contacts if given is None else None
     archive = Archive(operators, steps, every, contacts)

@@ -17,7 +17,9 @@ from uplift.meshes.checked import ModelError
 ROOT = Path(__file__).parents[2]
 
 INNER = {"grid": {"from", "to", "count"}, "axes": {"x", "edge", "cylinder"}, "cylinder": {"point", "axis"},
-         "plane": {"point", "normal"}, **dict.fromkeys(("stiffness", "contact", "force", "direction"), set(AXES))}
+         "plane": {"point", "normal"}, "rotation": {"axis", "point", "angle"}, "spin": {"axis", "point", "rate"},
+         **dict.fromkeys(("displacement", "velocity"), {"X", "Y", "Z"}),
+         **dict.fromkeys(("stiffness", "contact", "force", "direction"), set(AXES))}
 """Tables inside a key, by their own name."""
 
 BASE = """
@@ -113,6 +115,11 @@ def tables():
                               for way, at in PLACES.items()]
     rectangle["springs"] = [{"name": way, "stiffness": {"Z": 1.0}, **at} for way, at in PLACES.items()]
     rectangle["masses"] = [{"name": way, "mass": 1.0, **at} for way, at in PLACES.items()]
+    rectangle["initial"] = [
+        {"group": "DAL1", "displacement": {"Z": 1e-3}, "velocity": {"Z": 1.0},
+         "rotation": {"axis": [1, 0, 0], "point": [0, 0, 0], "angle": 1e-3}, "spin": {"axis": [1, 0, 0], "point": [0, 0, 0], "rate": 1.0}},
+        {"mode": 1, "amplitude": 1e-3},
+    ]
     rectangle["run"] = {"method": "transient", "iterations": 2}
     rectangle["transient"] = {
         "step": 0.01, "duration": 1.0, "every": 2, "method": "newmark", "beta": 0.25, "gamma": 0.5, "alpha": 0.05, "rho_infinity": 0.8,
