@@ -43,6 +43,10 @@ def check_scene(scene: Scene, comm: Any, *, mesh: bool, method: str = "") -> lis
             assembled = assembly.plate
             model, unrestrained = assembled.model, assembled.unrestrained
             request.check_held(scene, unrestrained)
+            if assembled.model.initial:
+                from uplift.drivers.analysis.initial_conditions import changes
+
+                changes(assembly)
             plausible = plausibility(assembly, rest_needed=request.needs_rest(scene))
             dofs = f"{assembly.operators.n} (meshed and assembled)"
             kind = f"{assembled.kind}, moves along {', '.join(assembled.components)}; {assembled.total_mass:,.1f} kg"

@@ -35,7 +35,7 @@ def with_initial_conditions(task: Task, state: State) -> State:
     assembly = task.assembly
     if not assembly.plate.model.initial:
         return state
-    displacement, velocity = _changes(assembly)
+    displacement, velocity = changes(assembly)
     if task.reduced:
         small = in_basis(task, displacement, velocity)
         _say_what_is_lost(task, (displacement, velocity), small)
@@ -49,8 +49,11 @@ def with_initial_conditions(task: Task, state: State) -> State:
     return State(state.displacement, state.velocity, state.acceleration, contacts)
 
 
-def _changes(assembly: AssembledScene) -> tuple[np.ndarray, np.ndarray]:
-    """Return displacements and velocities (n_local,) of all dofs of the model that the conditions ask for (collective)."""
+def changes(assembly: AssembledScene) -> tuple[np.ndarray, np.ndarray]:
+    """Return displacements and velocities (n_local,) of all dofs of the model that the conditions ask for (collective).
+
+    Raises `ModelError` for a group or a mode that the model does not have.
+    """
     plate = assembly.plate
     fields = initial_fields(plate.model.initial, assembly.tagged, plate.space, plate.numbering, plate.components)
     displacement, velocity = (with_joints(assembly, field, 0.0) for field in fields)

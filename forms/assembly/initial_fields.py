@@ -10,6 +10,7 @@ from uplift.forms.contact.supports import AXES, TRANSLATIONS
 from uplift.forms.initial_conditions import InitialCondition, Turn
 from uplift.meshes.checked import ModelError
 from uplift.meshes.compat import Space
+from uplift.meshes.groups import names_in
 from uplift.meshes.tagged import TaggedMesh
 
 
@@ -41,7 +42,7 @@ def _nodes(condition: InitialCondition, number: int, tagged: TaggedMesh, space: 
     if not condition.group:
         return np.arange(space.dofmap.index_map.size_local)
     try:
-        return nodes_of(tagged, space, condition.group)
+        return np.unique(np.concatenate([nodes_of(tagged, space, name) for name in names_in(condition.group)]))
     except ModelError as error:
         raise ModelError(f"initial[{number}].group", error.message) from None
 

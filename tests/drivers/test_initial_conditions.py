@@ -9,6 +9,7 @@ from mpi4py import MPI
 from tests import bouncing
 from uplift.drivers.analysis.analyse import analyse
 from uplift.drivers.analysis.assembled_scene import prepare
+from uplift.drivers.analysis.check import check_scene
 from uplift.drivers.scene.cautions import scene_cautions
 from uplift.drivers.scene.request import Request
 from uplift.drivers.scene.scene import build_scene
@@ -170,7 +171,7 @@ def test_the_energy_of_a_plate_that_turns_about_its_edge(point):
     assert history.ledger.kinetic[0] == pytest.approx(0.5 * 200.0 * 4.0 / 3.0 * 0.3**2, rel=1e-6)
 
 
-@pytest.mark.parametrize("group", ["DHAU", ["DHAU"]])
+@pytest.mark.parametrize("group", ["DHAU", ["DHAU"], ["P4", "P3"], ["P4", "DHAU"], "P3"])
 def test_only_the_nodes_of_the_group_move(group):
     history, _ = run("transient", initial={"group": group, "displacement": {"X": 1e-3, "Y": -2e-3}})
     assert history.probes[0] == pytest.approx([1e-3, -2e-3, 0.0, 0.0], abs=1e-15)
@@ -227,6 +228,9 @@ def test_bad_entries_are_refused(entry, key, words):
     with pytest.raises(ModelError) as error:
         run("transient", initial=entry, **COLUMN)
     assert error.value.key == key and words in error.value.message
+    with pytest.raises(ModelError) as checked:
+        check_scene(build_scene(FREE | COLUMN | {"initial": entry}, Path()), MPI.COMM_WORLD, mesh=True)
+    assert str(checked.value) == str(error.value)
 
 
 def test_modes_of_a_free_plate_need_a_shift():
