@@ -107,7 +107,10 @@ def bounce(how, **settings):
 def test_a_body_dropped_on_one_sided_springs_bounces(method):
     """In flight and in contact as in closed form; contacts of 1e6 and a plate of 1e5 times the springs are taken for rigid."""
     history, _ = bounce(method, **({} if method == "exact" else {"method": "generalised-alpha", "rho_infinity": 0.0}))
-    assert history.probes[:, 1] == pytest.approx(bouncing.height(history.times), abs=2e-3 * np.ptp(bouncing.height(history.times)))
+    expected = bouncing.height(history.times)
+    # What is taken for rigid adds 1e-5; a step dt of second order is off by some (omega dt)^2 = 1e-4.
+    off = 2e-5 if method == "exact" else 2 * bouncing.STIFFNESS / bouncing.MASS * 5e-4**2
+    assert history.probes[:, 1] == pytest.approx(expected, abs=off * np.ptp(expected))
     assert history.ledger.kinetic[0] == pytest.approx(0.5 * bouncing.MASS * bouncing.START_VELOCITY**2, rel=1e-9)
 
 
