@@ -37,4 +37,5 @@ def start_petsc() -> None:
     """Initialise PETSc without the option file of the current folder; to be called before anything imports it."""
     import petsc4py
 
-    petsc4py.init(["uplift", "-skip_petscrc"])
+    # Without handlers of its own PETSc leaves signals to the program, such as a pipe whose reader has gone.
+    petsc4py.init(["uplift", "-skip_petscrc", "-no_signal_handler"])

@@ -1,6 +1,7 @@
 """Results are all there or not at all: pictures that fail, folders that stand in the way, disks that are full, nobody who reads."""
 
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -12,6 +13,7 @@ from uplift.drivers.report.history_plots import draw_uplift
 from uplift.drivers.report.pictures import draw
 from uplift.drivers.results.folder import all_or_nothing
 from uplift.meshes.checked import ModelError
+from uplift.solvers.errors import Stopped
 from uplift.solvers.whole_file import whole_file
 
 ROOT = Path(__file__).parents[2]
@@ -138,3 +140,11 @@ def test_results_can_be_read_by_those_who_may_read_files(tmp_path):
 def test_a_run_without_a_path_of_programs(tmp_path):
     done = run(tmp_path, "--no-plots", environment={k: v for k, v in CLEAN.items() if k != "PATH"})
     assert done.returncode == 0, done.stderr
+
+
+def test_a_signal_while_a_picture_is_drawn_ends_the_run(tmp_path):
+    def interrupted(path):
+        raise Stopped(signal.SIGINT, "; nothing was written")
+
+    with pytest.raises(Stopped, match="interrupted; nothing was written"):
+        draw(interrupted, tmp_path / "history.png")

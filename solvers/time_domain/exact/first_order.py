@@ -55,6 +55,8 @@ class FirstOrder:
     """rad/s, a bound for the fastest oscillation of any set of open contacts (see `_fastest`)."""
     to_state: np.ndarray
     """(n, 2 n_dofs): state per displacement and velocity."""
+    stiff: np.ndarray
+    """(n_dofs, n_s): shapes with unit stiffness that follow the loads at once."""
 
     def state(self, displacement: np.ndarray, velocity: np.ndarray) -> np.ndarray:
         """Return the state (n,) of displacements (n_dofs,) m and velocities (n_dofs,) m/s."""
@@ -222,7 +224,7 @@ def _assembled(model: DenseModel, condensed: _Condensed, modes: np.ndarray, omeg
     to_state[y, : len(model.mass)] = root[:, None] * condensed.relaxed_part
     return FirstOrder(
         A=A, B=G[:, :n_l], P=G[:, n_l:], Q=tension, D=direct[:, :n_l], E=direct[:, n_l:], T=T, U=W[:, :n_l], W=W[:, n_l:],
-        fastest=_fastest(A, omega), to_state=to_state,
+        fastest=_fastest(A, omega), to_state=to_state, stiff=condensed.T @ stiff,
     )
 
 

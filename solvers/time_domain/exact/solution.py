@@ -15,7 +15,7 @@ from uplift.solvers.time_domain.exact.event_march import Event, EventMarch, Piec
 from uplift.solvers.time_domain.exact.first_order import FirstOrder, first_order
 from uplift.solvers.time_domain.exact.forcing import Forcing, forcing
 from uplift.solvers.time_domain.exact.model import DenseModel
-from uplift.solvers.time_domain.exact.observed import Observed
+from uplift.solvers.time_domain.exact.observed import Observed, carried_by_stiff
 from uplift.solvers.time_domain.exact.peaks import Peaks
 from uplift.solvers.time_domain.exact.starts import Start
 
@@ -163,6 +163,9 @@ def by_collocation(
     rate = states[:, :n] @ system.A.T + states @ base.F.T @ system.B.T + release @ system.P.T
     if model.output_velocity is not None:
         outputs += rate @ (model.output_velocity @ system.T).T
+    carried = carried_by_stiff(model, system)
+    if carried is not None:
+        outputs -= rate @ (carried[0] @ system.T).T + rate @ (carried[1] @ system.T @ system.A).T
     acceleration = rate @ (model.outputs @ system.T @ system.A).T
     return ExactHistory(
         instants, outputs, acceleration, release - tension, release, release * model.law.flexibility, displacement, rate @ system.T.T,
