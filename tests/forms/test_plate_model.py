@@ -67,6 +67,7 @@ def test_matrices_are_symmetric(assembly):
     assert np.linalg.eigvalsh(to_dense(operators.mass)).min() > 0
 
 
+@pytest.mark.ranks(1)
 def test_matrices_equal_a_hand_written_element(sdls119a, comm):
     scene = bare(sdls119a, Plate(1.0, 2.0, 1, 1), supports=(), springs=(), probes=(Probe("P3", (1.0, 2.0)),))
     with prepare(scene, comm) as assembly:

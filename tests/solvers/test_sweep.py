@@ -11,8 +11,7 @@ from uplift.solvers.frequency_domain.harmonic import harmonic_sweep
 OMEGA = 2 * np.pi * np.array([0.0, 1.8, 5.0, 11.0, 24.0])
 
 
-def on_all_ranks(functionals):
-    comm = functionals.comm
+def on_all_ranks(functionals, comm):
     return np.concatenate(comm.allgather(functionals.local.toarray()), axis=1)
 
 
@@ -49,7 +48,7 @@ def test_any_number_of_groups_equals_dense_algebra(assembly, comm):
             (operators.reactions, transfer.group("reactions")),
         ):
             assert here.shape == (len(OMEGA), len(functionals.names), exact.shape[2])
-            assert difference(here, on_all_ranks(functionals) @ exact) < 1e-9
+            assert difference(here, on_all_ranks(functionals, comm) @ exact) < 1e-9
         assert difference(transfer.fields.transpose(0, 2, 1), exact[:, first : first + operators.n_local]) < 1e-9
 
 
@@ -57,7 +56,7 @@ def test_any_number_of_groups_equals_dense_algebra(assembly, comm):
 @pytest.mark.ranks(2, 3)
 def test_more_groups_than_points(assembly, comm):
     operators = assembly.operators
-    exact = on_all_ranks(operators.probes) @ dense_answers(operators)[:1]
+    exact = on_all_ranks(operators.probes, comm) @ dense_answers(operators)[:1]
     transfer = harmonic_sweep(operators, OMEGA[:1], groups=comm.size)
     assert difference(transfer.probes, exact) < 1e-9
     with pytest.raises(ModelError, match="--groups: expected 1 to"):
