@@ -165,7 +165,8 @@ def _modes(condensed: _Condensed) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         raise SolverError("the mass of the model is not positive semidefinite")
     shapes = linalg.solve_triangular(lower, vectors[:, ::-1], lower=True, trans="T")
     omega = np.sqrt(np.maximum(np.einsum("im,ij,jm->m", shapes, K, shapes, optimize=True), 0.0) / np.maximum(squared[::-1], 1e-300))
-    stepped = len(omega) if condensed.rates.size else _stepped_modes(omega, shapes.T @ condensed.force)
+    rigid = int((squared * shift > 1 - 1e-6).sum())
+    stepped = len(omega) if condensed.rates.size else _stepped_modes(omega, shapes.T @ condensed.force, rigid)
     modes, stiff = shapes[:, :stepped], shapes[:, stepped:]
     # The shapes were found in rounded arithmetic: each part is normalised, and their coupling through the stiffness removed, once more.
     stiff = _normalised(stiff, K)
@@ -182,14 +183,15 @@ def _normalised(shapes: np.ndarray, matrix: np.ndarray) -> np.ndarray:
     return combined
 
 
-def _stepped_modes(omega: np.ndarray, force: np.ndarray) -> int:
+def _stepped_modes(omega: np.ndarray, force: np.ndarray, rigid: int) -> int:
     """Return how many modes must be stepped, from frequencies (n,) and generalised forces (n, n_g) of modes with unit stiffness.
 
     The static answer of a mode is off by (w / w_h)^2 of itself, w the highest frequency that is stepped; its part of the whole static
     answer to a force is its generalised force squared. A mode is stiff if the product of the two is small for every force.
+    The first `rigid` modes have no frequency that others could be measured by: they and the first elastic one are always stepped.
     """
     share = np.cumsum(force[::-1] ** 2, axis=0)[::-1] / np.maximum((force**2).sum(axis=0), 1e-300)
-    for k in range(1, len(omega)):
+    for k in range(rigid + 1, len(omega)):
         ratio = omega[k - 1] / omega[k]
         if ratio < 1 / STATIC_RATIO and share[k].max(initial=0.0) * ratio**2 < STATIC_SHARE:
             return k
