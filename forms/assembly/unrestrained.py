@@ -114,6 +114,7 @@ def _members(compiled: CompiledForms, parts: tuple[MeshPart, ...]) -> np.ndarray
     for part in parts:
         cells = np.concatenate([tagged.cell_tags.find(tag) for tag in part.surfaces]).astype(np.int32)
         indicator = np.zeros(len(space.tabulate_dof_coordinates()))
+        space.mesh.topology.create_connectivity(2, 2)  # dolfinx 0.9 asks for it
         indicator[dolfinx.fem.locate_dofs_topological(space, 2, np.sort(cells))] = 1.0
         columns.append(to_owners(space, indicator) > 0)
     return np.column_stack(columns)
